@@ -4,6 +4,7 @@
 mod arrows;
 mod chart;
 mod force_chains;
+mod grain_map;
 mod map;
 mod number;
 mod path;
@@ -16,6 +17,7 @@ mod view;
 pub use arrows::Arrows;
 pub use chart::{Chart, Scale};
 pub use force_chains::{ForceChains, ForceLine};
+pub use grain_map::GrainMap;
 pub use map::{Map, Panel, Patch};
 pub use number::short;
 pub use path::{PathPoint, path_svg};

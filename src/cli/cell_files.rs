@@ -1,7 +1,7 @@
 //! Files of one state of a cell: grains, contacts, force chains, rose diagrams and displacement fluctuations.
 
 use super::force_distribution::ForceDistribution;
-use charts::{Arrows, ChartError, ForceChains, ForceLine, Rose, SpatialChains, SpatialLine, Stereonet};
+use charts::{Arrows, ChartError, ForceChains, ForceLine, GrainMap, Rose, SpatialChains, SpatialLine, Stereonet};
 use macro_solver::output::{Field, OutputError, write_atomically, write_lines, write_particles};
 use rve_server::homogenization::picture::{CellPicture, ContactLine};
 use rve_server::space::{apply, inverse, transpose};
@@ -74,8 +74,8 @@ pub(super) fn contacts_csv(picture: &CellPicture) -> String {
 }
 
 /// Writes everything about a state into a folder that exists, under names that begin with `stem`: `.vtp` of grains and contacts, the
-/// contacts and the distribution of their forces as CSV, force chains, and directions of contacts and forces: rose diagrams of discs, nets of spheres. With displacement
-/// fluctuations `.vtp` has them too, and discs a picture.
+/// contacts and the distribution of their forces as CSV, force chains, and directions of contacts and forces: rose diagrams of discs, nets
+/// of spheres. Discs have a picture of their rotations. With displacement fluctuations `.vtp` has them too, and discs a picture.
 ///
 /// # Errors
 /// A file cannot be written.
@@ -96,6 +96,7 @@ pub(super) fn write_all(
     write("force-distribution.svg", drawn(&file("force-distribution.svg"), distribution.to_svg(stem))?)?;
     if picture.dimension == 2 {
         write("force-chains.svg", force_chains(stem, picture).to_svg())?;
+        write("rotations.svg", rotations(stem, picture).to_svg())?;
         write("normals.svg", normals(stem, picture).to_svg())?;
         write("normal-forces.svg", forces(stem, picture).to_svg())?;
         if let Some(fluctuations) = fluctuations {
@@ -174,15 +175,37 @@ fn arrows(title: &str, picture: &CellPicture, fluctuations: &[[f64; 3]]) -> Arro
     }
 }
 
-/// The force chains of a cell of discs. Grains are drawn within the cell; a contact across its border is drawn at both sides.
-fn force_chains(title: &str, picture: &CellPicture) -> ForceChains {
-    let [a, b] = [plane(picture.cell[0]), plane(picture.cell[1])];
-    let area = a[0] * b[1] - a[1] * b[0];
-    let wrapped = |[x, y]: [f64; 2]| {
-        let along = ((x * b[1] - y * b[0]) / area).floor();
-        let across = ((a[0] * y - a[1] * x) / area).floor();
-        [x - along * a[0] - across * b[0], y - along * a[1] - across * b[1]]
-    };
+/// Rotations of discs since the start, as colours.
+pub(super) fn rotations(title: &str, picture: &CellPicture) -> GrainMap {
+    let ForceChains { outline, grains, .. } = force_chains(title, picture);
+    GrainMap {
+        title: format!("{title}: rotation of the grains"),
+        quantity: "rotation since the start, counter-clockwise".to_owned(),
+        unit: "rad".to_owned(),
+        outline,
+        grains,
+        values: picture.rotations.iter().map(|rotation| rotation[2]).collect(),
+    }
+}
+
+/// The force chains of discs. Grains of a periodic cell are drawn within it; a contact across its border is drawn at both sides. Another body
+/// is drawn as it lies.
+pub(super) fn force_chains(title: &str, picture: &CellPicture) -> ForceChains {
+    let wrapped: Box<dyn Fn([f64; 2]) -> [f64; 2]>;
+    let outline;
+    if picture.outline.is_empty() {
+        let [a, b] = [plane(picture.cell[0]), plane(picture.cell[1])];
+        let area = a[0] * b[1] - a[1] * b[0];
+        wrapped = Box::new(move |[x, y]| {
+            let along = ((x * b[1] - y * b[0]) / area).floor();
+            let across = ((a[0] * y - a[1] * x) / area).floor();
+            [x - along * a[0] - across * b[0], y - along * a[1] - across * b[1]]
+        });
+        outline = vec![[0.0; 2], a, [a[0] + b[0], a[1] + b[1]], b];
+    } else {
+        wrapped = Box::new(|place| place);
+        outline = picture.outline.iter().map(|corner| plane(*corner)).collect();
+    }
     let centres: Vec<[f64; 2]> = picture.centres.iter().map(|centre| wrapped(plane(*centre))).collect();
     let mut lines = Vec::new();
     for contact in &picture.contacts {
@@ -202,7 +225,7 @@ fn force_chains(title: &str, picture: &CellPicture) -> ForceChains {
     }
     ForceChains {
         title: title.to_owned(),
-        outline: vec![[0.0; 2], a, [a[0] + b[0], a[1] + b[1]], b],
+        outline,
         grains: centres.into_iter().zip(picture.radii.iter().copied()).collect(),
         lines,
     }
@@ -258,6 +281,7 @@ mod tests {
         CellPicture {
             dimension: 2,
             cell: vec![[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]],
+            outline: Vec::new(),
             centres: vec![from, [3.5 + 2.0 * cos - 4.0, 1.0 + 2.0 * sin, 0.0]],
             radii: vec![1.0, 1.1],
             rotations: vec![[0.0, 0.0, 0.25], [0.0; 3]],
@@ -299,6 +323,18 @@ mod tests {
         inside.contacts[0].to[0] -= 2.5;
         inside.centres = vec![inside.contacts[0].from, inside.contacts[0].to];
         assert_eq!(force_chains("one", &inside).lines.len(), 1);
+    }
+
+    #[test]
+    fn a_body_is_drawn_as_it_lies() {
+        let mut frame = two_discs();
+        frame.centres[1] = frame.contacts[0].to;
+        frame.outline = vec![frame.centres[0], frame.centres[1], [0.0, 9.0, 0.0]];
+        let chains = force_chains("one", &frame);
+        assert_eq!(chains.outline[2], [0.0, 9.0]);
+        let [line] = chains.lines[..] else { panic!("one line: {chains:?}") };
+        assert!(line.to[0] > 4.0 && chains.grains[1].0 == line.to, "beyond where a cell would end: {line:?}");
+        assert_eq!(rotations("one", &frame).values, [0.25, 0.0]);
     }
 
     /// Two spheres with a vertical contact, across the lower border of a skewed cell.

@@ -107,7 +107,8 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
         writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
     }
     let mut notes = remarks_on_the_packings(scene, packing);
-    if let Some(mismatch) = start_state::mismatch(scene, packing).filter(|_| !packing.carries_no_load()) {
+    let mismatch = start_state::mismatch(scene, packing).filter(|_| !packing.carries_no_load());
+    if let Some(mismatch) = &mismatch {
         notes.push(format!("LOADS AND PACKING DO NOT MATCH: {mismatch}. Remedy: {}", start_state::remedy(scene)));
     }
     notes.extend(scene.remarks.iter().cloned());
@@ -128,7 +129,10 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     for remark in assignment.remarks() {
         writeln!(text, "{:<20} {remark}", "note").expect("writing to a String cannot fail");
     }
-    text.push_str("Scene OK.\n");
+    text.push_str(match mismatch {
+        None => "Scene OK.\n",
+        Some(_) => "The scene can be run, but its loads and its packing do not match; see the note above.\n",
+    });
     text
 }
 

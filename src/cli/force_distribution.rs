@@ -68,6 +68,7 @@ mod tests {
             is_sliding: false,
         };
         CellPicture {
+            outline: Vec::new(),
             dimension: 2,
             cell: vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
             centres: vec![[0.0; 3]; 2],

@@ -10,9 +10,7 @@ use crate::stdout::{deliver, expect_place, print};
 use crate::workers::SignalWatch;
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
-use rve_server::programs::rve_test::{
-    ElementCsv, ElementRow, ElementSummary, ElementTest, RowRequests, run_element_on,
-};
+use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, RowRequests, run_element_on};
 use scene_reader::{Document, InputError, Kind, read_element_test};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -110,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
     let requests = RowRequests {
         tangent: arguments.tangent,
-        pictures: pictures(arguments, &test, expected as u64)?,
+        pictures: pictures(arguments, expected as u64)?,
         fluctuations_from: arguments.fluctuations_from,
     };
     let interrupt = SignalWatch::flag("the present increment is the last")?;
@@ -146,16 +144,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 /// The increments whose contacts are written, with their folder made.
 ///
 /// # Errors
-/// There is no such increment, the test is one of a frame, or the folder cannot be made.
-fn pictures(arguments: &Arguments, test: &ElementTest, last: u64) -> Result<BTreeSet<u64>, Failure> {
+/// There is no such increment, or the folder cannot be made.
+fn pictures(arguments: &Arguments, last: u64) -> Result<BTreeSet<u64>, Failure> {
     let Some(folder) = &arguments.contacts else { return Ok(BTreeSet::new()) };
     let refuse = |problem: String, hint: &str| Err(InputError::at("--contacts", problem).hint(hint).into());
-    if test.frame.is_some() {
-        return refuse(
-            "contacts of frames cannot be written".to_owned(),
-            "leave out --contacts, or the table [frame]",
-        );
-    }
     if let Some(beyond) = arguments.contacts_at.iter().find(|increment| **increment > last) {
         return refuse(
             format!("there is no increment {beyond}"),

@@ -14,6 +14,9 @@ pub enum FrameConstraint {
     Periodic,
     /// Boundary forces of one stress, `a_q = P A_q`, no moments; only the mean deformation is given.
     Traction,
+    /// Plane tests between smooth platens and soft sides, in RVE tests alone: the grains of the lower and the upper side keep `y_q = (F X_q)_y` and
+    /// slide along it, those of the left and the right side bear the uniform horizontal forces `a_q = P A_q` and no vertical ones.
+    Platens,
 }
 
 protocol::keywords! {
@@ -21,6 +24,7 @@ protocol::keywords! {
         Linear => "linear",
         Periodic => "periodic",
         Traction => "traction",
+        Platens => "platens",
     }
 }
 

@@ -1,6 +1,6 @@
 //! The table `[rve]`: how accurately a cell is solved.
 
-use super::frame::CellFrame;
+use super::frame::{CellFrame, FrameConstraint};
 use super::operator_options::OperatorOptions;
 use crate::error::{DefinitionError, in_declared_ranges};
 use schemars::JsonSchema;
@@ -207,6 +207,13 @@ impl RveOptions {
                 "rve.{key} does not hold for a frame of boundary grains, whose trials end at max_steps, flagged, and take targets up \
                  to 0.2; leave it out"
             )));
+        }
+        if self.frame.as_ref().is_some_and(|frame| frame.constraint == FrameConstraint::Platens) {
+            return Err(DefinitionError(
+                "rve.frame.constraint = \"platens\" is for RVE tests: a Gauss point has no sides between platens; use \"periodic\", \
+                 \"traction\" or \"linear\""
+                    .into(),
+            ));
         }
         match (self.damping, self.criterion) {
             (Damping::Fire, Criterion::MaxForce) | (Damping::Local, Criterion::Energy) => Ok(()),

@@ -8,8 +8,11 @@ use crate::space::{Components, Space};
 pub struct CellPicture {
     /// 2 for discs, 3 for spheres.
     pub dimension: usize,
-    /// Periodicity vectors, m; as many as dimensions.
+    /// Periodicity vectors, m; as many as dimensions. Of a frame of boundary grains, those that it had as a part of a packing.
     pub cell: Vec<[f64; 3]>,
+    /// Corners of a body that is no periodic cell, in order, m: the centres of the boundary grains of a frame, or its walls. Empty for a
+    /// periodic cell.
+    pub outline: Vec<[f64; 3]>,
     /// Centres of the grains, m; not wrapped into the cell.
     pub centres: Vec<[f64; 3]>,
     /// Radii, m.
@@ -49,6 +52,7 @@ impl CellPicture {
         Self {
             dimension: S::DIMENSION,
             cell: (0..S::DIMENSION).map(|row| in_space::<S>(network.cell[row])).collect(),
+            outline: Vec::new(),
             centres: network.positions.iter().map(|position| in_space::<S>(*position)).collect(),
             radii: network.radii.clone(),
             rotations: state.rotations.iter().map(|rotation| S::spin_in_space(*rotation)).collect(),

@@ -31,14 +31,23 @@ pub(super) enum Command {
     Scene,
     /// `grainspan element`, with the columns of a tangent operator if one is named.
     Element(Option<&'static str>),
-    /// `grainspan element` with grains, contacts and their pictures of the packing as given, in the folder `contacts`.
-    Contacts,
+    /// `grainspan element` with grains, contacts and their pictures in the folder `contacts`.
+    Contacts(At),
     /// `grainspan specimen`.
     Specimen,
     /// `grainspan run` that may stop before its end: what it reached belongs to the figure.
     Stopping,
     /// `grainspan run` that may be refused before it begins, with one of these words: the refusal belongs to the figure.
     Refused(&'static [&'static str]),
+}
+
+/// Increments of an element test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum At {
+    /// The packing as given.
+    Start,
+    /// The packing as given and the last increment.
+    Ends,
 }
 
 /// One run of a figure.

@@ -3,7 +3,7 @@
 
 use super::Arguments;
 use super::error::ReproduceError;
-use super::figure::{Command, Figure, Run};
+use super::figure::{At, Command, Figure, Run};
 use super::inputs::Inputs;
 use super::results::{Finished, Origin, Results};
 use crate::exit::{Exit, Failure};
@@ -105,7 +105,7 @@ fn is_accepted(command: Command, code: i32, said: &str) -> bool {
     match command {
         Command::Stopping => matches!(code, 0 | 1),
         Command::Refused(words) => matches!(code, 0 | 1) || code == 2 && words.iter().any(|word| said.contains(word)),
-        Command::Scene | Command::Element(_) | Command::Contacts | Command::Specimen => code == 0,
+        Command::Scene | Command::Element(_) | Command::Contacts(_) | Command::Specimen => code == 0,
     }
 }
 
@@ -179,9 +179,10 @@ fn execute(
             command.arg("element").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));
             command.args(tangent.iter().flat_map(|kind| ["--tangent", kind]));
         }
-        Command::Contacts => {
+        Command::Contacts(at) => {
             command.arg("element").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));
-            command.arg("--contacts").arg(folder.join("contacts")).args(["--contacts-at", "0"]);
+            command.arg("--contacts").arg(folder.join("contacts"));
+            command.args((at == At::Start).then_some(["--contacts-at", "0"]).into_iter().flatten());
         }
         Command::Specimen => {
             command.arg("specimen").arg(inputs.file(run.input)).arg("--out").arg(folder.join("rows.csv"));

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const SECTION: &str = "specimen";
 
 /// Counts changes of [`Kept`] and of the state that it holds.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// What a checkpoint holds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -52,6 +52,8 @@ pub(super) struct Asked {
     pub(super) profiles: bool,
     /// Stage from whose start fluctuations are counted.
     pub(super) fluctuations_from: Option<String>,
+    /// Whether contacts are drawn.
+    pub(super) contacts: bool,
 }
 
 /// What a checkpoint is made of.
@@ -138,6 +140,7 @@ impl SpecimenCheckpoint {
             ("--pictures", before.pictures == now.pictures),
             ("--profiles", before.profiles == now.profiles),
             ("--fluctuations-from", before.fluctuations_from == now.fluctuations_from),
+            ("--contacts", before.contacts == now.contacts),
         ] {
             if !is_same {
                 found.push(format!("{flag}: the run was begun otherwise"));

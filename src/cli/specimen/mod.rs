@@ -1,21 +1,21 @@
 //! `grainspan specimen TEST.toml`: single-scale grain dynamics of a whole specimen, in this process, on several threads.
 
 mod checkpoint;
+mod pictures;
 mod profile;
 
 use self::checkpoint::SpecimenCheckpoint;
+use self::pictures::Pictures;
 use self::profile::Profiles;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
 use crate::workers::SignalWatch;
-use charts::Arrows;
 use indicatif::{ProgressBar, ProgressStyle};
-use macro_solver::output::{Field, FieldSeries, OutputError, remove_drafts, write_atomically, write_particles};
+use macro_solver::output::remove_drafts;
 use rve_server::definition::Packing;
 use rve_server::programs::specimen::{
-    Checkpoints, SpecimenCsv, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary,
-    SpecimenTest, less_linear_field, run_specimen_from,
+    Checkpoints, SpecimenCsv, SpecimenEvent, SpecimenStart, SpecimenSummary, SpecimenTest, run_specimen_from,
 };
 use scene_reader::{Document, InputError, Kind};
 use std::ops::ControlFlow;
@@ -42,6 +42,9 @@ pub(crate) struct Arguments {
     /// less the linear field that fits the body best
     #[arg(long, value_name = "STAGE", requires = "pictures")]
     fluctuations_from: Option<String>,
+    /// Add the contacts and their forces to --pictures, and of discs pictures of force chains and rotations
+    #[arg(long, requires = "pictures")]
+    contacts: bool,
     /// Folder for the shear of the layers that `[profile]` of the test names, and the shear band that it shows
     #[arg(long, value_name = "DIR")]
     profiles: Option<PathBuf>,
@@ -99,6 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
                 pictures: arguments.pictures.is_some(),
                 profiles: arguments.profiles.is_some(),
                 fluctuations_from: arguments.fluctuations_from.clone(),
+                contacts: arguments.contacts,
             };
             Some(SpecimenCheckpoint::new(folder, document.as_run(&[])?, &packing, asked)?)
         }
@@ -205,9 +209,7 @@ impl Output {
                     format!("{problem}\nhint: name the folder of the run that is continued"),
                 ));
             }
-            pictures.drawn = earlier.frames.len();
-            pictures.start = earlier.start.clone();
-            pictures.series.restore(earlier.frames.clone())?;
+            pictures.go_on(&earlier.frames, &earlier.start)?;
         }
         if let (Some(profiles), Some(kept)) = (&mut self.profiles, &earlier.profiles) {
             profiles.go_on(kept.clone());
@@ -279,7 +281,7 @@ fn pictures(arguments: &Arguments, test: &SpecimenTest, dimension: usize) -> Res
         })
     });
     let from = stage.transpose()?;
-    let create = |folder: &Path| Pictures::create(folder, from, dimension);
+    let create = |folder: &Path| Pictures::create(folder, from, arguments.contacts, dimension);
     arguments.pictures.as_deref().map(create).transpose()
 }
 
@@ -295,72 +297,6 @@ fn profiles(arguments: &Arguments, test: &SpecimenTest, dimension: usize) -> Res
     };
     let stages = test.stage.iter().map(|stage| stage.name.clone()).collect();
     Ok(Some(Profiles::create(folder, table, dimension, stages)?))
-}
-
-/// ParaView files of the grains, and of discs pictures of their fluctuations.
-struct Pictures {
-    folder: PathBuf,
-    series: FieldSeries,
-    drawn: usize,
-    /// 2 for discs, 3 for spheres.
-    dimension: usize,
-    /// Stage from whose start fluctuations are counted.
-    from: Option<usize>,
-    /// Centres at that moment, m; empty before it, and where fluctuations are not asked for.
-    start: Vec<[f64; 3]>,
-}
-
-impl Pictures {
-    fn create(folder: &Path, from: Option<usize>, dimension: usize) -> Result<Self, Failure> {
-        std::fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
-        let series = FieldSeries::new(&folder.join("grains.pvd"));
-        Ok(Self { folder: folder.to_owned(), series, drawn: 0, dimension, from, start: Vec::new() })
-    }
-
-    /// Fluctuations may be counted from this stage on.
-    fn begun(&mut self, stage: usize, picture: &dyn Fn() -> SpecimenPicture) {
-        if self.from == Some(stage) {
-            self.start = picture().centres;
-        }
-    }
-
-    fn draw(&mut self, row: &SpecimenRow, picture: &SpecimenPicture) -> Result<(), OutputError> {
-        let name = format!("grains-{:04}.vtp", self.drawn);
-        self.drawn += 1;
-        let mut fields = vec![
-            Field::scalar("radius", picture.radii.clone()),
-            Field::vector("rotation", &picture.rotations),
-            Field::vector("velocity", &picture.velocities),
-        ];
-        if !self.start.is_empty() {
-            let fluctuations = less_linear_field(&self.start, &picture.centres);
-            if self.dimension == 2 {
-                let file = self.folder.join(name.replace(".vtp", "-fluctuations.svg"));
-                let title = format!("stage {}, step {}", row.stage, row.step);
-                write_atomically(&file, arrows(title, picture, &fluctuations).to_svg().as_bytes())?;
-            }
-            fields.push(Field::vector("displacement_fluctuation", &fluctuations));
-        }
-        write_particles(&self.folder.join(&name), &picture.centres, &fields)?;
-        self.series.add(row.step as f64, name)
-    }
-}
-
-/// The fluctuations of discs in the box around them.
-fn arrows(title: String, picture: &SpecimenPicture, fluctuations: &[[f64; 3]]) -> Arrows {
-    let grains = || picture.centres.iter().zip(&picture.radii);
-    let extent = |axis: usize| {
-        let ends = grains().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
-        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
-    };
-    let ([left, right], [low, high]) = (extent(0), extent(1));
-    Arrows {
-        title,
-        quantity: "displacement fluctuations".to_owned(),
-        outline: vec![[left, low], [right, low], [right, high], [left, high]],
-        grains: grains().map(|(centre, radius)| ([centre[0], centre[1]], *radius)).collect(),
-        arrows: fluctuations.iter().map(|fluctuation| [fluctuation[0], fluctuation[1]]).collect(),
-    }
 }
 
 fn closing(summary: &SpecimenSummary) -> String {

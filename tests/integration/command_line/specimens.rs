@@ -135,14 +135,20 @@ fn a_killed_specimen_goes_on_to_the_same_bytes() {
         &[
             &["specimen", &test, "--threads", "1", "--out", whole.to_str().unwrap()][..],
             &["--profiles", whole_layers.to_str().unwrap()],
-            &["--pictures", site.path("whole-pictures").to_str().unwrap(), "--fluctuations-from", "shear"],
+            &[
+                "--pictures",
+                site.path("whole-pictures").to_str().unwrap(),
+                "--fluctuations-from",
+                "shear",
+                "--contacts",
+            ],
         ]
         .concat(),
     );
     assert_eq!(code, 0, "{text}");
     let mut arguments = vec!["specimen", &test, "--out", broken.to_str().unwrap(), "--checkpoint-every", "5000"];
     arguments.extend(["--checkpoint", checkpoint.to_str().unwrap(), "--pictures", pictures.to_str().unwrap()]);
-    arguments.extend(["--profiles", layers.to_str().unwrap(), "--fluctuations-from", "shear"]);
+    arguments.extend(["--profiles", layers.to_str().unwrap(), "--fluctuations-from", "shear", "--contacts"]);
     let file = checkpoint.join("checkpoint.bin");
     let mut child = site.program(&arguments).stderr(std::process::Stdio::null()).spawn().unwrap();
     let begun = std::time::Instant::now();
@@ -168,9 +174,15 @@ fn a_killed_specimen_goes_on_to_the_same_bytes() {
         let read = |folder: &Path| std::fs::read_to_string(folder.join(table)).unwrap();
         assert_eq!(read(&layers), read(&whole_layers), "{table}");
     }
-    let last = "grains-0020-fluctuations.svg";
-    let read = |folder: &Path| std::fs::read_to_string(folder.join(last)).unwrap();
+    for last in ["fluctuations.svg", "force-chains.svg", "rotations.svg"] {
+        let read = |folder: &Path| std::fs::read_to_string(folder.join(format!("grains-0020-{last}"))).unwrap();
+        let ours = read(&pictures);
+        assert_eq!(ours, read(&site.path("whole-pictures")));
+        assert!(ours.matches("<circle").count() > 50, "{last}");
+    }
+    let read = |folder: &Path| std::fs::read(folder.join("contacts-0020.vtp")).unwrap();
     assert_eq!(read(&pictures), read(&site.path("whole-pictures")));
+    assert_eq!(std::fs::read_to_string(pictures.join("contacts.pvd")).unwrap().matches("<DataSet").count(), 21);
     assert!(!pictures.join("grains-0000-fluctuations.svg").exists(), "the stage has not begun");
     the_layers_shear_as_the_walls_do(&whole_layers, &std::fs::read_to_string(&whole).unwrap());
     assert!(!file.exists(), "a run that has ended leaves no checkpoint");

@@ -5,10 +5,11 @@ use super::options::FrameOptions;
 use super::relaxation::{FrameRelaxation, Relaxed};
 use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
 use crate::contact::{AT_LIMIT, ContactTable, LawName, PlainLinear, Rotations};
-use crate::definition::{EngineFeature, GrainDefinition, PackingFile};
+use crate::definition::{EngineFeature, FrameConstraint, GrainDefinition, PackingFile};
 use crate::engine::ENGINE_VERSION;
 use crate::error::DefinitionError;
 use crate::homogenization::fabric::anisotropy;
+use crate::homogenization::picture::CellPicture;
 use crate::homogenization::stress::first_piola;
 use crate::programs::specimen::{Body, ContactSums, Grain};
 use crate::simd::Tuple;
@@ -139,7 +140,8 @@ impl FrameRve {
         contact.validate().and_then(|()| contact.validate_for(2)).map_err(|error| refuse(error.to_string()))?;
         definition.frame.validate().map_err(|error| refuse(error.to_string()))?;
         let packing = definition.packing.clone().checked().map_err(|error| refuse(error.to_string()))?;
-        let geometry = FrameGeometry::of(&packing).map_err(|error| refuse(error.to_string()))?;
+        let geometry =
+            FrameGeometry::tiled(&packing, definition.frame.tiles).map_err(|error| refuse(error.to_string()))?;
         if contact.is_extended() {
             return Err(refuse(
                 "contact: a frame serves springs and friction, no damping and no rolling resistance".into(),
@@ -151,7 +153,8 @@ impl FrameRve {
             // Nothing would let go of these forces; they would drive grains round for ever.
             contacts.iter_mut().for_each(|contact| contact.tangential_force = 0.0);
         }
-        let reference = Cell { rows: packing.periodicity };
+        let copies = definition.frame.tiles.map(f64::from);
+        let reference = Cell { rows: [0, 1].map(|row| packing.periodicity[row].map(|part| part * copies[row])) };
         let committed = GrainState {
             cell: reference,
             positions: geometry.positions.clone(),
@@ -202,6 +205,17 @@ impl FrameRve {
         self.trial.as_ref().map(|trial| &trial.network)
     }
 
+    /// The contact network of the committed state.
+    pub fn committed_network(&self) -> ContactNetwork<Discs> {
+        self.relaxation(&self.committed).network(&self.committed, self.thickness, self.law.friction)
+    }
+
+    /// Grains and contacts of the committed state, whose network is given.
+    pub fn picture(&self, network: &ContactNetwork<Discs>) -> CellPicture {
+        let whole = CellPicture::new(network, &self.committed);
+        CellPicture { outline: whole.centres[..self.geometry.boundary].to_vec(), ..whole }
+    }
+
     /// How far opposite boundary loads of the latest trial are from cancelling, in mean contact forces.
     pub fn boundary_residual(&self) -> Option<f64> {
         self.trial.as_ref().map(|trial| trial.boundary_residual)
@@ -241,26 +255,30 @@ impl FrameRve {
 
     fn solve(&mut self, h: &Plane, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
-        let polar = plane::polar(h);
-        let norm = plane::norm(&polar.strain);
+        // Platens do not turn: what is given between them is followed as it is.
+        let plane::Polar { strain, angle } = match self.options.constraint {
+            FrameConstraint::Platens => plane::Polar { strain: *h, angle: 0.0 },
+            _ => plane::polar(h),
+        };
+        let norm = plane::norm(&strain);
         if norm > LARGEST_TARGET {
             return Err(RveError::TargetTooLarge { norm, limit: LARGEST_TARGET });
         }
         let ramp_steps = match options.ramp_steps {
-            0 => chosen_ramp_steps(&polar.strain, self.options.strain_per_step()),
+            0 => chosen_ramp_steps(&strain, self.options.strain_per_step()),
             given => given,
         };
         let start = self.committed.clone();
         let mut relaxation = self.relaxation(&start);
-        let relaxed = relaxation.solve(&polar.strain, ramp_steps);
-        let stretch = plane::add_scaled(&plane::IDENTITY, 1.0, &polar.strain);
+        let relaxed = relaxation.solve(&strain, ramp_steps);
+        let stretch = plane::add_scaled(&plane::IDENTITY, 1.0, &strain);
         let mut state = relaxation.end_state(&start, relaxed.unbalanced);
         state.cell = start.cell.deformed(&stretch);
         state.dissipation += relaxed.dissipation;
         if !state.positions.iter().flatten().all(|value| value.is_finite()) {
             return Err(RveError::NotFinite { force_evaluations: relaxed.force_evaluations });
         }
-        turn(&mut state, polar.angle);
+        turn(&mut state, angle);
         Ok(self.finish(state, h, options, &relaxed, started))
     }
 
@@ -305,7 +323,12 @@ impl FrameRve {
             &plane::inverse(&plane::transpose(&self.reference.rows)),
         );
         let scaled = plane::product(&nominal, &plane::transpose(&total));
-        let stress = plane::add_scaled(&[[0.0; 2]; 2], 1.0 / plane::determinant(&total), &scaled);
+        let stress = match self.options.constraint {
+            // Grains slide along platens, away from `F X`: their forces turn the body about where they are, not where they were. The
+            // normal components agree.
+            FrameConstraint::Platens => network.stress(),
+            _ => plane::add_scaled(&[[0.0; 2]; 2], 1.0 / plane::determinant(&total), &scaled),
+        };
         let mut flags = TrialFlags::default();
         if network.contacts.is_empty() {
             flags.insert(TrialFlags::NO_LOAD_BEARING_CONTACTS);
@@ -330,12 +353,12 @@ impl FrameRve {
         (answer, network)
     }
 
-    /// Void area over grain area of one period: grains on the boundary count once.
+    /// Void area over grain area of one period of all copies: grains on the boundary count once.
     fn void_ratio(&self, state: &GrainState<Discs>) -> f64 {
-        let mut seen = vec![false; self.geometry.period];
+        let mut seen = vec![false; self.geometry.distinct];
         let mut solid = 0.0;
-        for (place, radius) in self.geometry.places.iter().zip(&self.geometry.radii) {
-            if !std::mem::replace(&mut seen[place.0 as usize], true) {
+        for (class, radius) in self.geometry.classes.iter().zip(&self.geometry.radii) {
+            if !std::mem::replace(&mut seen[*class], true) {
                 solid += Discs::grain_measure(*radius);
             }
         }

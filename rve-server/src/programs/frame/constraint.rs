@@ -1,10 +1,11 @@
 //! Constraints between the boundary grains of a frame and the deformation, and the loads that are left to move them.
 
-use super::geometry::FrameGeometry;
+use super::geometry::{BOTTOM, FrameGeometry, TOP};
 use crate::definition::FrameConstraint;
 use crate::programs::specimen::Load;
 use crate::simd::Tuple;
 use crate::space::Discs;
+use std::ops::Range;
 
 /// Turns contact loads into the loads that may move the grains: whatever the constraint takes up is removed, tied
 /// grains share theirs. All grains have the same inertia of translation; `inertias` are those of rotation.
@@ -21,7 +22,14 @@ pub(crate) fn project(
             }
         }
         FrameConstraint::Periodic => tie(geometry, inertias, loads),
-        FrameConstraint::Traction => spread(geometry, loads),
+        FrameConstraint::Traction => spread(geometry, loads, 0..2),
+        FrameConstraint::Platens => {
+            spread(geometry, loads, 0..1);
+            let on_platens = |side: u8| side & (BOTTOM | TOP) != 0;
+            for (load, _) in loads.iter_mut().zip(&geometry.sides).filter(|(_, side)| on_platens(**side)) {
+                load.force[1] = 0.0;
+            }
+        }
     }
 }
 
@@ -43,8 +51,8 @@ fn tie(geometry: &FrameGeometry, inertias: &[f64], loads: &mut [Load<Discs>]) {
     }
 }
 
-/// Adds the boundary forces `P A_q` for which the mean deformation does not accelerate.
-fn spread(geometry: &FrameGeometry, loads: &mut [Load<Discs>]) {
+/// Adds the boundary forces `P A_q` for which the mean deformation does not accelerate, of these components.
+fn spread(geometry: &FrameGeometry, loads: &mut [Load<Discs>], components: Range<usize>) {
     let (mut pull, mut areas) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
     for (load, area) in loads.iter().zip(&geometry.areas) {
         for i in 0..2 {
@@ -57,6 +65,8 @@ fn spread(geometry: &FrameGeometry, loads: &mut [Load<Discs>]) {
     let stress = crate::space::product(&pull, &crate::space::inverse(&areas));
     for (load, area) in loads.iter_mut().zip(&geometry.areas) {
         let traction = crate::space::apply(&stress, *area);
-        load.force = load.force.minus(traction);
+        for component in components.clone() {
+            load.force[component] -= traction[component];
+        }
     }
 }

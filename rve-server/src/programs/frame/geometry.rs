@@ -4,6 +4,9 @@
 //! frames: a chain of neighbouring grains from a grain to its image along Y1, another one along Y2, and the images of both
 //! chains enclose one period. The enclosed area is that of the periodic cell, opposite grains are images of each other
 //! and therefore alike, which is what makes `(1/V) sum X_q x A_q` the unit tensor to rounding.
+//!
+//! Copies of such a frame side by side have their boundary grains in common. The outer ones bound all copies together and are a frame
+//! again: the simulations of all grains of [Liu2018] section 4.2.
 
 use crate::cell::Cell;
 use crate::definition::{PackingError, PackingFile};
@@ -22,6 +25,15 @@ const MOST_CORNERS: usize = 40;
 
 /// A place in the periodic packing: grain and cell shift.
 type Place = (u32, [i32; 2]);
+
+/// Bits of the sides of a frame.
+pub const BOTTOM: u8 = 1;
+/// See [`BOTTOM`].
+pub const RIGHT: u8 = 2;
+/// See [`BOTTOM`].
+pub const TOP: u8 = 4;
+/// See [`BOTTOM`].
+pub const LEFT: u8 = 8;
 
 /// A frame cut out of a periodic packing. Boundary grains come first, counter-clockwise from the first corner; the four
 /// corners are images of one grain.
@@ -43,10 +55,14 @@ pub struct FrameGeometry {
     pub corners: [usize; 4],
     /// Opposite edge grains, `[minus, plus]`; plus is the image of minus by Y1 or Y2.
     pub pairs: Vec<[usize; 2]>,
-    /// Bits of the sides that a grain lies on: 1 bottom, 2 right, 4 top, 8 left; 0 inside.
+    /// Bits of the sides that a grain lies on: [`BOTTOM`], [`RIGHT`], [`TOP`], [`LEFT`]; 0 inside.
     pub sides: Vec<u8>,
-    /// Number of grains in one period.
-    pub period: usize,
+    /// Copies of the packing along Y1 and Y2.
+    pub tiles: [u32; 2],
+    /// For every grain the number, below `distinct`, of the one that it is an image of.
+    pub classes: Vec<usize>,
+    /// Number of grains in all copies that are no images of each other.
+    pub distinct: usize,
 }
 
 impl FrameGeometry {
@@ -55,6 +71,14 @@ impl FrameGeometry {
     /// # Errors
     /// [`PackingError::Content`] if the grains form no closed chains, as in very small packings.
     pub fn of(packing: &PackingFile<Discs>) -> Result<Self, PackingError> {
+        Self::tiled(packing, [1, 1])
+    }
+
+    /// The frame around `tiles` copies along Y1 and Y2, each of them the frame that [`FrameGeometry::of`] cuts out.
+    ///
+    /// # Errors
+    /// As [`FrameGeometry::of`].
+    pub fn tiled(packing: &PackingFile<Discs>, tiles: [u32; 2]) -> Result<Self, PackingError> {
         let cell = Cell::<Discs> { rows: packing.periodicity };
         let neighbours = Neighbours::of(packing, &cell);
         let mut order: Vec<usize> = (0..packing.grains.len()).collect();
@@ -66,7 +90,7 @@ impl FrameGeometry {
         order
             .into_iter()
             .take(MOST_CORNERS)
-            .find_map(|corner| Self::around(packing, &cell, &neighbours, corner as u32))
+            .find_map(|corner| Self::around(packing, &cell, &neighbours, corner as u32, tiles))
             .ok_or_else(|| {
                 PackingError::Content(
                     "no closed chains of grains bound one period of this packing; use more grains or a denser packing"
@@ -80,25 +104,29 @@ impl FrameGeometry {
         cell: &Cell<Discs>,
         neighbours: &Neighbours,
         corner: u32,
+        tiles: [u32; 2],
     ) -> Option<Self> {
+        let [across, up] = tiles.map(|count| count as i32);
         let bottom = neighbours.chain(corner, [1, 0], &BTreeSet::new())?;
         let taken: BTreeSet<u32> = bottom.iter().map(|place| place.0).collect();
         let left = neighbours.chain(corner, [0, 1], &taken)?;
         let moved = |place: &Place, by: [i32; 2]| (place.0, [place.1[0] + by[0], place.1[1] + by[1]]);
+        let bottom = repeated(&bottom, across, |copy| [copy, 0]);
+        let left = repeated(&left, up, |copy| [0, copy]);
         // Counter-clockwise: bottom to the right, right up, top to the left, left down. Each without its last corner.
         let mut places: Vec<Place> = Vec::new();
         let mut sides = Vec::new();
         let legs: [(Vec<Place>, u8); 4] = [
-            (bottom.clone(), 1),
-            (left.iter().map(|place| moved(place, [1, 0])).collect(), 2),
-            (bottom.iter().rev().map(|place| moved(place, [0, 1])).collect(), 4),
-            (left.iter().rev().copied().collect(), 8),
+            (bottom.clone(), BOTTOM),
+            (left.iter().map(|place| moved(place, [across, 0])).collect(), RIGHT),
+            (bottom.iter().rev().map(|place| moved(place, [0, up])).collect(), TOP),
+            (left.iter().rev().copied().collect(), LEFT),
         ];
         let mut corners = [0; 4];
         for (number, (leg, side)) in legs.iter().enumerate() {
             corners[number] = places.len();
             for (step, place) in leg[..leg.len() - 1].iter().enumerate() {
-                let before = if number == 0 { 8 } else { legs[number - 1].1 };
+                let before = if number == 0 { LEFT } else { legs[number - 1].1 };
                 sides.push(if step == 0 { side | before } else { *side });
                 places.push(*place);
             }
@@ -111,20 +139,36 @@ impl FrameGeometry {
         };
         let outline: Vec<[f64; 2]> = places.iter().map(position).collect();
         let area = enclosed_area(&outline);
-        if (area / cell.measure() - 1.0).abs() > 1e-9 || crosses_itself(&outline) {
+        if (area / (cell.measure() * f64::from(across * up)) - 1.0).abs() > 1e-9 || crosses_itself(&outline) {
             return None;
         }
-        let on_boundary: BTreeSet<u32> = places.iter().map(|place| place.0).collect();
-        for grain in (0..packing.grains.len() as u32).filter(|grain| !on_boundary.contains(grain)) {
-            places.push(image_inside(&outline, &position, grain)?);
+        let grains = packing.grains.len();
+        let on_boundary: BTreeSet<usize> = places.iter().map(|place| class(place, grains, tiles)).collect();
+        let distinct = grains * (across * up) as usize;
+        for number in (0..distinct).filter(|number| !on_boundary.contains(number)) {
+            let (copy, grain) = ((number / grains) as i32, (number % grains) as u32);
+            places.push(image_inside(&outline, &position, (grain, [copy % across, copy / across]), [across, up])?);
             sides.push(0);
         }
         let positions: Vec<[f64; 2]> = places.iter().map(position).collect();
         let radii: Vec<f64> = places.iter().map(|place| packing.grains[place.0 as usize][2]).collect();
         let areas = area_vectors(&positions[..boundary], &radii[..boundary]);
-        let pairs = opposite(&places[..boundary], &corners);
-        let period = packing.grains.len();
-        Some(Self { places, positions, radii, boundary, areas, area, corners, pairs, sides, period })
+        let classes: Vec<usize> = places.iter().map(|place| class(place, grains, tiles)).collect();
+        let pairs = opposite(&places[..boundary], &classes, &corners);
+        Some(Self {
+            places,
+            positions,
+            radii,
+            boundary,
+            areas,
+            area,
+            corners,
+            pairs,
+            sides,
+            tiles,
+            classes,
+            distinct,
+        })
     }
 }
 
@@ -144,14 +188,33 @@ fn area_vectors(outline: &[[f64; 2]], radii: &[f64]) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Opposite edge grains: same grain of the packing, shifts that differ by one.
-fn opposite(places: &[Place], corners: &[usize; 4]) -> Vec<[usize; 2]> {
-    let mut first: BTreeMap<u32, usize> = BTreeMap::new();
+/// A chain from a grain to its image, and its copies after it. Each begins where the one before ends.
+fn repeated(chain: &[Place], copies: i32, shift: impl Fn(i32) -> [i32; 2]) -> Vec<Place> {
+    let moved = |(grain, own): &Place, by: [i32; 2]| (*grain, [own[0] + by[0], own[1] + by[1]]);
+    let begin = chain[..1].iter().copied();
+    begin
+        .chain(
+            (0..copies)
+                .flat_map(|copy| chain[1..].iter().map(move |place| (place, copy)))
+                .map(|(place, copy)| moved(place, shift(copy))),
+        )
+        .collect()
+}
+
+/// Number of the grain that a place is an image of, over all copies: grains of the first copy first.
+fn class((grain, shift): &Place, grains: usize, [across, up]: [u32; 2]) -> usize {
+    let copy = |shift: i32, count: u32| shift.rem_euclid(count as i32) as usize;
+    *grain as usize + grains * (copy(shift[0], across) + across as usize * copy(shift[1], up))
+}
+
+/// Opposite edge grains: images of one grain by the period of all copies.
+fn opposite(places: &[Place], classes: &[usize], corners: &[usize; 4]) -> Vec<[usize; 2]> {
+    let mut first: BTreeMap<usize, usize> = BTreeMap::new();
     let mut pairs = Vec::new();
     for (index, place) in places.iter().enumerate().filter(|(index, _)| !corners.contains(index)) {
-        match first.get(&place.0) {
+        match first.get(&classes[index]) {
             None => {
-                first.insert(place.0, index);
+                first.insert(classes[index], index);
             }
             Some(&other) => {
                 let is_plus = place.1 > places[other].1;
@@ -188,9 +251,15 @@ fn is_inside(outline: &[[f64; 2]], point: [f64; 2]) -> bool {
     crossings.count() % 2 == 1
 }
 
-/// The one image of a grain that lies inside.
-fn image_inside(outline: &[[f64; 2]], position: &dyn Fn(&Place) -> [f64; 2], grain: u32) -> Option<Place> {
-    let mut images = (-2..=2).flat_map(|first| (-2..=2).map(move |second| (grain, [first, second])));
+/// The one image of a grain, by the period of all copies, that lies inside.
+fn image_inside(
+    outline: &[[f64; 2]],
+    position: &dyn Fn(&Place) -> [f64; 2],
+    (grain, shift): Place,
+    [across, up]: [i32; 2],
+) -> Option<Place> {
+    let image = |first: i32, second: i32| (grain, [shift[0] + first * across, shift[1] + second * up]);
+    let mut images = (-2..=2).flat_map(|first| (-2..=2).map(move |second| image(first, second)));
     images.find(|place| is_inside(outline, position(place)))
 }
 
@@ -313,6 +382,36 @@ mod tests {
                     let unit = if i == j { 1.0 } else { 0.0 };
                     assert!((value - unit).abs() < 1e-12, "{name}: F = {f:?}");
                 }
+            }
+        }
+    }
+
+    /// Copies share the grains between them: [Liu2018] has 441 and 1681 grains for 228. Contacts and area vectors are those of one frame.
+    #[test]
+    fn copies_side_by_side_have_their_boundaries_in_common() {
+        let packing = packing("discs-liu2018.json");
+        let one = FrameGeometry::of(&packing).unwrap();
+        let corner_to_corner = |index: usize| one.corners[index + 1] - one.corners[index];
+        let (along, up) = (corner_to_corner(0) + 1, corner_to_corner(1) + 1);
+        for tiles in [[1, 2], [2, 4], [3, 1]] {
+            let frame = FrameGeometry::tiled(&packing, tiles).unwrap();
+            let [n, m] = tiles.map(|count| count as usize);
+            let seams = (n - 1) * m * up + (m - 1) * n * along;
+            assert_eq!(frame.places.len(), n * m * one.places.len() + (n - 1) * (m - 1) - seams, "{tiles:?}");
+            assert_eq!(frame.boundary, 4 + 2 * frame.pairs.len());
+            assert_eq!(frame.boundary, 2 * n * (along - 1) + 2 * m * (up - 1));
+            assert!((frame.area / one.area / (n * m) as f64 - 1.0).abs() < 1e-12);
+            let distinct: BTreeSet<usize> = frame.classes.iter().copied().collect();
+            assert_eq!((distinct.len(), distinct.last().copied()), (frame.distinct, Some(frame.distinct - 1)));
+            let f = deformation_gradient(&frame, &frame.positions[..frame.boundary]);
+            assert!((f[0][0] - 1.0).abs() < 1e-12 && (f[1][1] - 1.0).abs() < 1e-12 && f[0][1].abs() < 1e-12);
+            for [minus, plus] in &frame.pairs {
+                let away = [0, 1].map(|axis| frame.positions[*plus][axis] - frame.positions[*minus][axis]);
+                let [y1, y2] = packing.periodicity;
+                let is = |row: [f64; 2], count: usize| {
+                    (0..2).all(|axis| (away[axis] - count as f64 * row[axis]).abs() < 1e-12 * frame.area.sqrt())
+                };
+                assert!(is(y1, n) || is(y2, m), "{away:?}");
             }
         }
     }

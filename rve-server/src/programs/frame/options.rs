@@ -26,6 +26,11 @@ pub enum FrameDamping {
 pub struct FrameOptions {
     /// Boundary condition.
     pub constraint: FrameConstraint,
+    /// Copies of the packing along x and y, joined at their boundary grains; the outer ones bound all of them. Two by four of them are
+    /// the larger simulation of all grains of [Liu2018].
+    #[serde(default = "one_tile")]
+    #[schemars(extend("x-default" = "[1, 1]"), inner(range(min = 1)))]
+    pub tiles: [u32; 2],
     /// Contacts between two grains of one side count half, because the neighbouring frame has them as well; a periodic
     /// frame then is the periodic cell. [Liu2018] counts them whole.
     #[serde(default)]
@@ -63,11 +68,20 @@ pub struct FrameOptions {
     pub most_corrections: Option<u32>,
 }
 
+/// Most copies along an axis.
+const MOST_TILES: u32 = 1000;
+
+/// The packing alone.
+fn one_tile() -> [u32; 2] {
+    [1, 1]
+}
+
 impl FrameOptions {
     /// Default options with a constraint.
     pub fn new(constraint: FrameConstraint) -> Self {
         Self {
             constraint,
+            tiles: one_tile(),
             shared_sides: false,
             control: FrameControl::Direct,
             damping: FrameDamping::Fire,
@@ -149,6 +163,12 @@ impl FrameOptions {
     /// # Errors
     /// The first offending key with the remedy.
     pub fn validate(&self) -> Result<(), DefinitionError> {
-        in_declared_ranges(self, "frame")
+        in_declared_ranges(self, "frame")?;
+        match self.tiles {
+            [1..=MOST_TILES, 1..=MOST_TILES] => Ok(()),
+            [across, up] => Err(DefinitionError(format!(
+                "frame.tiles must be two whole numbers from 1 to {MOST_TILES}, copies of the packing along x and y, not [{across}, {up}]"
+            ))),
+        }
     }
 }

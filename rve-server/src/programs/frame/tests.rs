@@ -88,7 +88,7 @@ fn frames_without_tangential_springs_drop_the_forces_of_the_file() {
 /// The two forms of the stress agree, moments of the boundary cancel and the stress is symmetric.
 #[test]
 fn boundary_forces_give_the_stress_of_the_contacts() {
-    for constraint in [FrameConstraint::Linear, FrameConstraint::Periodic, FrameConstraint::Traction] {
+    for constraint in FrameConstraint::ALL {
         let mut frame = frame(options(constraint));
         let answer = trial(&mut frame, [[2e-4, 1e-4], [1e-4, -4e-4]]);
         assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{}", constraint.keyword());
@@ -195,9 +195,82 @@ fn linear_is_stiffer_than_periodic_is_stiffer_than_traction() {
         let after = trial(&mut frame, [[0.0, 1e-5], [1e-5, 0.0]]).stress.plane()[0][1];
         (after - before) / 2e-5
     };
-    let [linear, periodic, traction] =
-        [FrameConstraint::Linear, FrameConstraint::Periodic, FrameConstraint::Traction].map(shear_modulus);
+    let [linear, periodic, traction, platens] = FrameConstraint::ALL.map(shear_modulus);
     assert!(linear > periodic && periodic > traction && traction > 0.0, "{linear} {periodic} {traction}");
+    // Sides that bear no vertical forces are softer still than uniform traction in this shear.
+    assert!(linear > platens && platens > 0.0, "{linear} {platens}");
+}
+
+/// Copies of a periodic frame that share the contacts of their sides are the cell several times over, as long as no copy takes a way of its
+/// own.
+#[test]
+fn copies_of_a_periodic_frame_answer_as_one() {
+    let mut one = frame(FrameOptions { shared_sides: true, ..options(FrameConstraint::Periodic) });
+    let several = FrameOptions { shared_sides: true, tiles: [2, 3], ..options(FrameConstraint::Periodic) };
+    let mut several = frame(several);
+    for h in [[[2e-4, 1e-4], [0.0, -4e-4]], [[1e-4, 0.0], [2e-4, -3e-4]]] {
+        let [first, second] = [&mut one, &mut several].map(|frame| {
+            let answer = trial(frame, h);
+            frame.commit().unwrap();
+            assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+            answer
+        });
+        let error = worst(&first.stress.plane(), &second.stress.plane());
+        assert!(error < 2e-3 * 1e5, "stress differs by {error} Pa");
+        assert!((first.scalars.void_ratio - second.scalars.void_ratio).abs() < 1e-12);
+    }
+}
+
+/// Between platens: grains of the upper and the lower side move along y as the strain asks and slide along x, the sides bear
+/// horizontal forces alone, in proportion to their area vectors.
+#[test]
+fn platens_hold_heights_and_let_the_sides_bulge() {
+    let tiles = [1, 2];
+    let mut frame = frame(FrameOptions { tiles, ..options(FrameConstraint::Platens) });
+    let h = [[2e-4, 0.0], [0.0, -4e-4]];
+    let answer = trial(&mut frame, h);
+    assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+    frame.commit().unwrap();
+    let geometry = frame.geometry().clone();
+    let state = frame.committed().clone();
+    let height = 2.0 * frame.geometry().area.sqrt();
+    let (mut slid, mut bulged) = (0.0f64, 0.0f64);
+    for (index, (start, now)) in geometry.positions.iter().zip(&state.positions).enumerate() {
+        let offset = [0, 1].map(|axis| now[axis] - (1.0 + h[axis][axis]) * start[axis]);
+        match geometry.sides[index] {
+            0 => {}
+            side if side & (1 | 4) != 0 => {
+                assert!(offset[1].abs() < 1e-12 * height, "grain {index}: {offset:?}");
+                slid = slid.max(offset[0].abs());
+            }
+            _ => bulged = bulged.max(offset[0].abs()),
+        }
+    }
+    assert!(slid > 1e-6 * height && bulged > 1e-6 * height, "{slid} {bulged}");
+    let mut horizontal = Vec::new();
+    let mut forces = vec![[0.0; 2]; geometry.boundary];
+    let network = frame.committed_network();
+    for (contact, line) in network.contacts.iter().zip(network.contact_lines()) {
+        for (grain, sign) in [(contact.origin as usize, -1.0), (contact.end as usize, 1.0)] {
+            if grain < geometry.boundary {
+                forces[grain] = [0, 1].map(|axis| forces[grain][axis] + sign * line.force[axis]);
+            }
+        }
+    }
+    let stress = answer.stress.plane();
+    // The work of the boundary forces along the normal strains.
+    for axis in 0..2 {
+        let work: f64 = forces.iter().zip(&geometry.positions).map(|(force, place)| force[axis] * place[axis]).sum();
+        let of_boundary = work / (geometry.area * packing().thickness * (1.0 + h[1 - axis][1 - axis]));
+        assert!((of_boundary - stress[axis][axis]).abs() < 1e-5 * 1e5, "{of_boundary} Pa, {stress:?}");
+    }
+    let thickness = packing().thickness;
+    let scale = thickness * stress[0][0].abs() * geometry.areas[0][0].hypot(geometry.areas[0][1]);
+    for index in (0..geometry.boundary).filter(|index| geometry.sides[*index] & (1 | 4) == 0) {
+        assert!(forces[index][1].abs() < 1e-3 * scale, "vertical force {} of grain {index}", forces[index][1]);
+        horizontal.push(forces[index][0] - thickness * stress[0][0] * geometry.areas[index][0]);
+    }
+    assert!(horizontal.iter().all(|rest| rest.abs() < 0.05 * scale), "{horizontal:?}");
 }
 
 /// The nested servo of the paper, with its sign corrected, ends where moving both grains at once ends, if no contact slides:
@@ -317,6 +390,11 @@ fn element_tests_run_on_frames() {
     let refused =
         crate::programs::rve_test::ElementTest::from_toml(&text.replace("5e-6", "-1.0")).unwrap_err().to_string();
     assert!(refused.contains("frame.strain_per_step"));
+    for tiles in ["[0, 2]", "[1, 2000]"] {
+        let wrong = text.replace("constraint =", &format!("tiles = {tiles}\n        constraint ="));
+        let refused = crate::programs::rve_test::ElementTest::from_toml(&wrong).unwrap_err().to_string();
+        assert!(refused.contains("frame.tiles"), "{refused}");
+    }
 }
 
 /// Grains that do not come to rest end a trial when the watch has seen enough, not after all steps: tolerances that rounding keeps

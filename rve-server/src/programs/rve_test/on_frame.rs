@@ -1,13 +1,17 @@
 //! RVE tests on a frame: strains prescribed, stresses found by a secant search.
 
 use super::error::ElementError;
+use super::requests::RowRequests;
 use super::row::ElementRow;
 use super::step::{LEAST_SHARE, raised_level};
 use super::summary::ElementSummary;
 use super::test_file::{Components, ElementTest, Segment};
 use super::work::PathWork;
+use crate::cell::GrainState;
 use crate::definition::PackingFile;
+use crate::homogenization::fluctuation::displacement_fluctuations;
 use crate::programs::frame::{FrameDefinition, FrameOptions, FrameRve};
+use crate::space::Discs;
 use crate::space::plane::{self, Plane};
 use nalgebra::{DMatrix, DVector};
 use protocol::{Observables, RveSolver, Tensor2, TrialOptions, TrialResult};
@@ -32,6 +36,7 @@ pub(super) fn run_frame_element(
     test: &ElementTest,
     options: &FrameOptions,
     packing: PackingFile,
+    requests: RowRequests,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 ) -> Result<ElementSummary, ElementError> {
     let definition = FrameDefinition { packing, contact: test.contact.clone(), frame: options.clone() };
@@ -46,6 +51,8 @@ pub(super) fn run_frame_element(
         deformation: plane::IDENTITY,
         summary: ElementSummary::default(),
         work: None,
+        requests,
+        reference: None,
         on_row,
     };
     if run.deliver(&first, 0, 0).is_break() {
@@ -72,6 +79,9 @@ struct Run<'a> {
     summary: ElementSummary,
     /// Work along the rows; none before the first.
     work: Option<PathWork>,
+    requests: RowRequests,
+    /// Grains and deformation from which fluctuations are counted, once they are reached.
+    reference: Option<(GrainState<Discs>, Plane)>,
     on_row: &'a mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 }
 
@@ -102,8 +112,6 @@ impl Run<'_> {
                 })
                 .collect();
             let asked = self.reach(&start, &mut gradient, &places, &targets, &mut response)?;
-            self.cell.commit().expect("the accepted trial is the latest");
-            self.deformation = deformed(&start, &gradient);
             last_change = std::array::from_fn(|place| gradient[place] - committed[place]);
             if asked.is_break() {
                 return Ok(asked);
@@ -112,7 +120,7 @@ impl Run<'_> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Corrects the free components of `gradient` until the controlled stresses are within tolerance, and delivers the row.
+    /// Corrects the free components of `gradient` until the controlled stresses are within tolerance, commits the state and delivers its row.
     fn reach(
         &mut self,
         start: &Plane,
@@ -137,6 +145,7 @@ impl Run<'_> {
             let tolerance = self.stress_tolerance * scale;
             if miss.iter().all(|miss| miss.abs() <= tolerance) {
                 self.stress = stress;
+                self.cell.commit().expect("the accepted trial is the latest");
                 self.deformation = deformed(start, gradient);
                 return Ok(self.deliver(&answer, trial, steps));
             }
@@ -205,6 +214,16 @@ impl Run<'_> {
         row.work = self.work.as_ref().map_or(0.0, |work| work.over_present_volume()[0]);
         row.trials = trials;
         row.dem_steps = dem_steps;
+        let network = self.cell.committed_network();
+        row.force_anisotropy = Some(network.force_anisotropy());
+        row.picture = self.requests.pictures.contains(&row.increment).then(|| self.cell.picture(&network));
+        if self.requests.fluctuations_from == Some(row.increment) {
+            self.reference = Some((self.cell.committed().clone(), self.deformation));
+        }
+        if let (Some(_), Some((start, deformation))) = (&row.picture, &self.reference) {
+            let since = plane::product(&self.deformation, &plane::inverse(deformation));
+            row.fluctuations = Some(displacement_fluctuations(start, self.cell.committed(), &since));
+        }
         self.summary.note(&row);
         (self.on_row)(&row)
     }

@@ -95,7 +95,7 @@ fn run_requested(
     }
     match packing {
         Packing::Discs(packing) => match &test.frame {
-            Some(options) => run_frame_element(test, options, packing, on_row),
+            Some(options) => run_frame_element(test, options, packing, requests, on_row),
             None => run_in_space(test, packing, requests, on_row),
         },
         Packing::Spheres(_) if test.frame.is_some() => {

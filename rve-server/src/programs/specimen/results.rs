@@ -1,5 +1,7 @@
 //! Results of a specimen test: rows, start, summary, pictures, events.
 
+use crate::homogenization::picture::ContactLine;
+
 /// One row of results. Stresses in Pa, tension positive; axes that are periodic or do not exist have zero wall stress.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpecimenRow {
@@ -113,6 +115,8 @@ pub struct SpecimenPicture {
     pub rotations: Vec<[f64; 3]>,
     /// Velocities, m/s.
     pub velocities: Vec<[f64; 3]>,
+    /// Contacts between the grains, in sorted pair order; forces with their viscous part. Those with walls are not among them.
+    pub contacts: Vec<ContactLine>,
 }
 
 /// Events of a run in progress.

@@ -127,6 +127,7 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
                 })
                 .collect(),
             velocities: grains.iter().map(|grain| spread(grain.velocity.as_ref())).collect(),
+            contacts: self.dynamics.body.contact_lines(),
         }
     }
 }

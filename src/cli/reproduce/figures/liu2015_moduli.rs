@@ -30,7 +30,7 @@ const GIVEN: &str = "increment-0000";
 
 fn runs(size: Size) -> Vec<Run> {
     // All 4096 spheres in both sizes, under a shear that is nothing: only the packing as given is drawn.
-    let cell = Run::new("cell", "scenes/liu2015/cell-shear.toml", Command::Contacts, size)
+    let cell = Run::new("cell", "scenes/liu2015/cell-shear.toml", Command::Contacts(At::Start), size)
         .set("packing=\"../../packings/spheres-4096.json\"")
         .set("path.0.increments=1")
         .set("path.0.strain.xy=1e-6");

@@ -21,7 +21,7 @@ const GIVEN: &str = "increment-0000";
 
 fn runs(size: Size) -> Vec<Run> {
     let cell = |(name, _, packing): (&str, f64, &str)| {
-        Run::new(format!("anisotropy-{name}"), "scenes/liu2018/cell-biaxial.toml", Command::Contacts, size)
+        Run::new(format!("anisotropy-{name}"), "scenes/liu2018/cell-biaxial.toml", Command::Contacts(At::Start), size)
             .set(format!("packing=\"../../packings/{packing}.json\""))
             .set("path.0.increments=1")
             .set("path.0.strain.yy=-1e-6")

@@ -8,7 +8,7 @@ use crate::cli::reproduce::results::Finished;
 pub(super) const FIGURE: Figure = Figure {
     name: "liu2018-meshes",
     source: "[Liu2018] Figs. 4 to 7",
-    shows: "stress ratio, that of every point, contacts, anisotropy and strain for meshes from 1 x 1 on, against all grains",
+    shows: "stress ratio, that of every point, contacts, anisotropy and strain for meshes from 1 x 1 on, against all grains by four boundaries",
     run_time: ("15 s", "4 min"),
     entries: &[("J-1", "")],
     runs,
@@ -25,8 +25,29 @@ const OF_STUDIES: (usize, usize) = (2, 4);
 /// Meshes whose points are drawn one by one, with the figure of the paper and the part of the name of the picture.
 const DRAWN: [((usize, usize), &str, &str); 2] = [(OF_STUDIES, "6a", "points-2x4"), ((4, 8), "6b", "points-4x8")];
 
+/// Strains up to which all grains are compared with elements: to the peak of ours, and as far as the paper calls both very close.
+const OF_GRAINS: [f64; 2] = [0.04, 0.05];
+
 /// Strain at which the paper looks for the points with the highest and the lowest stress ratio.
 const APART: f64 = 0.09;
+
+/// How all grains are bounded: name of the run, the boundary in words, and settings of its test.
+const BOUNDARIES: [(&str, &str, &[&str]); 3] = [
+    (TIED, "periodic boundary grains", &[]),
+    // Past the peak this body snaps, and the stress of its sides is held less closely.
+    ("platens", "plates and soft sides", &["frame.constraint='platens'", "stress_tolerance=1e-2"]),
+    (
+        "servo",
+        "periodic boundary grains by the servo",
+        &["frame.control={ servo = { gain = 1.0 } }", "frame.servo_tolerance=0.1"],
+    ),
+];
+
+/// The boundary of the paper, exactly.
+const TIED: &str = "tied";
+
+/// The one that walls alone have.
+const WALLS: &str = "walls";
 
 /// Assemblies of all grains by their letters in the paper, frames across and up, and whether the paper size alone has them.
 const ASSEMBLIES: [(&str, [u32; 2], bool); 2] = [("A", [1, 2], false), ("B", [2, 4], true)];
@@ -36,8 +57,13 @@ fn assemblies(size: Size) -> impl Iterator<Item = (&'static str, [u32; 2])> {
     of_size.map(|(letter, frames, _)| (letter, frames))
 }
 
-fn assembly_name(letter: &str) -> String {
-    format!("grains-{}", letter.to_lowercase())
+fn assembly_name(letter: &str, boundary: &str) -> String {
+    format!("grains-{}-{boundary}", letter.to_lowercase())
+}
+
+/// Boundaries of an assembly other than walls. The servo takes ten times as long and is shown on the small one.
+fn boundaries(letter: &str) -> impl Iterator<Item = &'static (&'static str, &'static str, &'static [&'static str])> {
+    BOUNDARIES.iter().filter(move |(name, ..)| *name != "servo" || letter == "A")
 }
 
 /// Gauss points of a mesh, four in each element.
@@ -69,11 +95,21 @@ fn runs(size: Size) -> Vec<Run> {
         }
         run
     };
-    let grains = |(letter, [across, up]): (&str, [u32; 2])| {
-        Run::new(assembly_name(letter), "scenes/liu2018/grains-biaxial.toml", Command::Specimen, size)
-            .set(format!("tiles=[{across}, {up}]"))
+    let grains = |(letter, [across, up]): (&'static str, [u32; 2])| {
+        let walls =
+            Run::new(assembly_name(letter, WALLS), "scenes/liu2018/grains-biaxial.toml", Command::Specimen, size)
+                .set(format!("tiles=[{across}, {up}]"));
+        let bounded = boundaries(letter).map(move |(name, _, settings)| {
+            // The pictures of Fig. 7 are those of the boundary of the paper.
+            let command = if *name == TIED { Command::Contacts(At::Ends) } else { Command::Element(None) };
+            let run =
+                Run::new(assembly_name(letter, name), "scenes/liu2018/grains-frame-biaxial.toml", command, size)
+                    .set(format!("frame.tiles=[{across}, {up}]"));
+            settings.iter().fold(run, |run, setting| run.set(*setting))
+        });
+        bounded.chain([walls])
     };
-    meshes(size).iter().map(mesh).chain(assemblies(size).map(grains)).collect()
+    meshes(size).iter().map(mesh).chain(assemblies(size).flat_map(grains)).collect()
 }
 
 fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
@@ -166,10 +202,38 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
         }
     }
     let of_studies = meshes(size).iter().position(|mesh| *mesh == OF_STUDIES).map(|place| &curves[place]);
+    let mut drawn = Vec::new();
     for (letter, _) in assemblies(size) {
-        let grains = grains(results.run(&assembly_name(letter))?)?;
-        comparisons.extend(of_grains(letter, &grains, of_studies, highest)?);
-        chart.curve(&format!("all grains, assembly {letter}, smooth walls"), grains);
+        let mut of_boundaries = Vec::new();
+        for (name, words, _) in boundaries(letter) {
+            let run = results.run(&assembly_name(letter, name))?;
+            let curve = bounded_grains(run)?;
+            let is_tied = *name == TIED;
+            comparisons.extend(of_grains(letter, words, &curve, of_studies, highest, is_tied)?);
+            if is_tied {
+                let last = run.table()?.column("increment")?.last().copied().unwrap_or(0.0);
+                let stem = format!("increment-{last:04}");
+                let picture = run.picture(&format!("contacts/{stem}-force-chains.svg"))?;
+                let panel = if letter == "A" { "7e" } else { "7f" };
+                let title = format!("[Liu2018] Fig. {panel}: assembly {letter}");
+                drawn.push((format!("grains-{}", letter.to_lowercase()), picture.replace(&stem, &title)));
+            }
+            of_boundaries.push(curve.clone());
+            chart.curve(&format!("all grains, assembly {letter}, {words}"), curve);
+        }
+        if let [tied, _, servo] = &of_boundaries[..] {
+            comparisons.push(Comparison::new(
+                format!("largest difference of the servo from opposite grains that move as one up to 4 % strain, over the peak, assembly {letter}"),
+                "-",
+                Theirs::Value(0.0),
+                "[Liu2018] section 3.2.2, eqs. 33 to 36",
+                apart(&[tied.clone(), servo.clone()], 0.04) / highest,
+                Tolerance::Absolute(0.03),
+            ));
+        }
+        let walls = grains(results.run(&assembly_name(letter, WALLS))?)?;
+        comparisons.extend(of_grains(letter, "smooth walls", &walls, of_studies, highest, false)?);
+        chart.curve(&format!("all grains, assembly {letter}, smooth walls"), walls);
     }
     chart.published("[Liu2018]: largest value 0.39 at 7.3 %", [[0.073, 0.39]]);
     anisotropy.published("[Liu2018]: 0.27 at 7.3 %, 2 x 4 elements", [[0.073, 0.27]]);
@@ -184,6 +248,7 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
     Ok(Outcome {
         charts: charts.into_iter().chain(points).collect(),
         maps: vec![("map", strain), ("increment", increment)],
+        drawn,
         comparisons,
         notes: results.notes(),
         ..Outcome::default()
@@ -234,37 +299,37 @@ fn outermost(curves: &[Curve], strain: f64) -> Option<[&Curve; 2]> {
     }
 }
 
-/// Peak of an assembly of all grains, and its difference from the mesh of the studies over the peak of the meshes.
+/// Peak of an assembly of all grains, and its difference from the mesh of the studies over the peak of the meshes. Both are held against
+/// the paper if the assembly is bounded as there.
 fn of_grains(
     letter: &str,
+    boundary: &str,
     grains: &Curve,
     of_studies: Option<&Curve>,
     highest: f64,
+    is_as_printed: bool,
 ) -> Result<Vec<Comparison>, ReproduceError> {
     let top = peak(grains)?;
+    let row = |quantity: String, theirs: f64, source: &'static str, ours: f64| {
+        if is_as_printed {
+            Comparison::new(quantity, "-", Theirs::Value(theirs), source, ours, Tolerance::Absolute(0.03))
+        } else {
+            Comparison::reported(quantity, "-", ours)
+        }
+    };
+    let who = format!("all grains, assembly {letter}, {boundary}");
     let mut rows = vec![
-        Comparison::new(
-            format!("peak stress ratio of all grains, assembly {letter}, between smooth walls"),
-            "-",
-            Theirs::Value(0.39),
-            "[Liu2018] Fig. 4 (boundary grains under servo control)",
-            top[1],
-            Tolerance::Absolute(0.03),
-        ),
-        Comparison::reported(format!("strain at the peak of all grains, assembly {letter}"), "-", top[0]),
+        row(format!("peak stress ratio, {who}"), 0.39, "[Liu2018] Fig. 4", top[1]),
+        Comparison::reported(format!("strain at the peak, {who}"), "-", top[0]),
     ];
-    rows.extend(of_studies.map(|mesh| {
-        Comparison::new(
-            format!(
-                "largest difference of all grains, assembly {letter}, and 2 x 4 elements up to 5 % strain, over the peak"
-            ),
-            "-",
-            Theirs::Value(0.0),
-            "[Liu2018] section 4.2, band of J-1",
-            spread(&[mesh.clone(), grains.clone()]) / highest,
-            Tolerance::Absolute(0.03),
-        )
-    }));
+    for strain in OF_GRAINS {
+        let quantity = format!(
+            "largest difference from 2 x 4 elements up to {:.0} % strain, over the peak, {who}",
+            100.0 * strain
+        );
+        let ours = |mesh: &Curve| apart(&[mesh.clone(), grains.clone()], strain) / highest;
+        rows.extend(of_studies.map(|mesh| row(quantity, 0.0, "[Liu2018] section 4.2, band of J-1", ours(mesh))));
+    }
     Ok(rows)
 }
 
@@ -285,7 +350,12 @@ fn last_field(run: &Finished, mesh: (usize, usize), field: &str) -> Result<Panel
 
 /// Largest difference between two curves at the same strain up to 5 %, of those that reach it; NaN if fewer than two do.
 fn spread(curves: &[Curve]) -> f64 {
-    let reaches = |curve: &&Curve| curve.last().is_some_and(|point| point[0] >= 0.05 * (1.0 - 1e-9));
+    apart(curves, 0.05)
+}
+
+/// The same up to another strain.
+fn apart(curves: &[Curve], strain: f64) -> f64 {
+    let reaches = |curve: &&Curve| curve.last().is_some_and(|point| point[0] >= strain * (1.0 - 1e-9));
     let whole: Vec<&Curve> = curves.iter().filter(reaches).collect();
     if whole.len() < 2 {
         return f64::NAN;
@@ -294,10 +364,21 @@ fn spread(curves: &[Curve]) -> f64 {
         let values = whole.iter().map(move |curve| value_at(curve, strain)).filter(|value| value.is_finite());
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
     };
-    (1..=25).map(|step| at(0.002 * f64::from(step))).map(|(low, high)| high - low).fold(0.0, f64::max)
+    (1..=25).map(|step| at(0.04 * strain * f64::from(step))).map(|(low, high)| high - low).fold(0.0, f64::max)
 }
 
-/// The biaxial stage of the specimen: stress ratio over the compression since its begin.
+/// The compression of an assembly bounded by grains: stress ratio over the compression since the isotropic increment.
+fn bounded_grains(run: &Finished) -> Result<Curve, ReproduceError> {
+    let table = run.table()?;
+    let stress = table.column("sigma_xx")?.into_iter().zip(table.column("sigma_yy")?);
+    let height = table.column("F_yy")?;
+    // Row 0 is the packing as cut, row 1 the isotropic state.
+    let start = height.get(1).copied().unwrap_or(f64::NAN);
+    let compression = height.iter().map(|now| 1.0 - now / start);
+    Ok(compression.zip(stress).map(|(x, (xx, yy))| [x, liu_ratio(yy / xx)]).skip(1).collect())
+}
+
+/// The biaxial stage of the specimen between walls: stress ratio over the compression since its begin.
 fn grains(run: &Finished) -> Result<Curve, ReproduceError> {
     let table = run.table()?.stage("biaxial")?;
     let stress = table.column("wall_sigma_xx")?.into_iter().zip(table.column("wall_sigma_yy")?);
@@ -341,7 +422,11 @@ mod tests {
         };
         assert!(settings("mesh-1x2").is_empty());
         assert!(settings("mesh-2x4")[0].ends_with(", 31]") && settings("mesh-4x8")[0].ends_with(", 127]"));
-        let assemblies: Vec<String> = assemblies(Size::Small).map(|(letter, _)| assembly_name(letter)).collect();
-        assert_eq!(assemblies, ["grains-a"]);
+        let assemblies =
+            |size| runs(size).into_iter().map(|run| run.name).filter(|name| name.starts_with("grains")).collect();
+        let small: Vec<String> = assemblies(Size::Small);
+        assert_eq!(small, ["grains-a-tied", "grains-a-platens", "grains-a-servo", "grains-a-walls"]);
+        let paper: Vec<String> = assemblies(Size::Paper);
+        assert_eq!(paper[4..], ["grains-b-tied", "grains-b-platens", "grains-b-walls"]);
     }
 }

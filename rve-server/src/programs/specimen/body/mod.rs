@@ -14,7 +14,8 @@ use super::SpecimenSpace;
 use super::block::{Block, Listed};
 use super::contact::{ContactSums, Grain, Load, OwnStiffness, PairLoad, Slot};
 use crate::cell::{Cell, PairFinder, PairKey};
-use crate::contact::ContactLaw;
+use crate::contact::{AT_LIMIT, ContactLaw};
+use crate::homogenization::picture::ContactLine;
 use crate::simd::Tuple;
 use crate::space::{Components, Tensor};
 use rayon::prelude::*;
@@ -199,6 +200,27 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         let pair = &self.pairs[index];
         let (origin, end) = (&self.grains[pair.origin as usize], &self.grains[pair.end as usize]);
         end.position.minus(origin.position).plus(self.images[pair.image as usize])
+    }
+
+    /// The contacts between grains as lines, in key order.
+    pub(crate) fn contact_lines(&self) -> Vec<ContactLine> {
+        let line = |index: usize| {
+            let (pair, slot) = (&self.pairs[index], &self.slots[index]);
+            let (from, force) = (self.grains[pair.origin as usize].position, self.pair_loads[index].force);
+            let normal_force = force.dot(slot.direction);
+            let tangential = force.minus(slot.direction.scaled(normal_force));
+            ContactLine {
+                grains: [pair.origin, pair.end],
+                from: in_space(from.as_ref()),
+                to: in_space(from.plus(self.branch(index)).as_ref()),
+                normal_force,
+                tangential_force: tangential.dot(tangential).sqrt(),
+                force: in_space(force.as_ref()),
+                overlap: slot.overlap,
+                is_sliding: S::length(slot.tangential_force) >= AT_LIMIT * slot.friction_limit(&self.law),
+            }
+        };
+        self.touching().map(line).collect()
     }
 
     /// Love-Weber sum `sum f x b` over all contacts, J, tension positive: stress times volume. Row-major, 3 x 3.
@@ -455,4 +477,9 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
             }),
         }
     }
+}
+
+/// Coordinates with zeros for the axes that the space does not have.
+fn in_space(components: &[f64]) -> [f64; 3] {
+    std::array::from_fn(|axis| components.get(axis).copied().unwrap_or(0.0))
 }
