@@ -1,9 +1,13 @@
 //! RVE tests on a frame: strains prescribed, stresses found by a secant search.
 
 use super::error::ElementError;
+use super::path::COMPONENTS;
 use super::requests::RowRequests;
 use super::row::ElementRow;
+use super::run::{LARGEST_JUMP, MOST_RELAXED, STEPS_BEFORE_NEAREST};
 use super::step::{LEAST_SHARE, raised_level};
+use super::stress_control::StressControl;
+use super::stress_relaxation::Relaxation;
 use super::summary::ElementSummary;
 use super::test_file::{Components, ElementTest, Segment};
 use super::work::PathWork;
@@ -27,6 +31,9 @@ const PERTURBATION: f64 = 1e-6;
 const LARGEST_CORRECTION: f64 = 2e-3;
 
 const KEYS: [&str; 4] = ["xx", "xy", "yx", "yy"];
+
+/// The same among the nine components of space.
+const IN_SPACE: [usize; 4] = [0, 1, 3, 4];
 
 /// Runs an element test on the frame that is cut out of `packing`; every row is given to `on_row`, which may end the test after it.
 ///
@@ -55,7 +62,7 @@ pub(super) fn run_frame_element(
         reference: None,
         on_row,
     };
-    if run.deliver(&first, 0, 0).is_break() {
+    if run.deliver(&first, StressControl::None, Spent::default()).is_break() {
         return Ok(run.summary);
     }
     for segment in &test.path {
@@ -66,6 +73,21 @@ pub(super) fn run_frame_element(
         }
     }
     Ok(run.summary)
+}
+
+/// Components under stress control, in the order of [`KEYS`], their targets, Pa, and the elastic response of these stresses to these
+/// strains at the start of the segment, Pa.
+struct Controlled<'a> {
+    places: &'a [usize],
+    targets: &'a [f64],
+    elastic: &'a DMatrix<f64>,
+}
+
+/// Trials of an increment and their force evaluations.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spent {
+    trials: u32,
+    dem_steps: u64,
 }
 
 struct Run<'a> {
@@ -92,7 +114,8 @@ impl Run<'_> {
         let (strains, stresses) = (in_plane(&segment.strain), in_plane(&segment.stress));
         let places: Vec<usize> = (0..4).filter(|place| stresses[*place].is_some()).collect();
         let mut gradient = [0.0; 4];
-        let mut response = self.perturbed(&start, &gradient, &places)?;
+        let elastic = self.perturbed(&start, &gradient, &places)?;
+        let mut response = elastic.clone();
         let mut last_change = [0.0; 4];
         for increment in 1..=segment.increments {
             let share = f64::from(increment) / f64::from(segment.increments);
@@ -111,7 +134,8 @@ impl Run<'_> {
                     start_stress[*place] + share * (end - start_stress[*place])
                 })
                 .collect();
-            let asked = self.reach(&start, &mut gradient, &places, &targets, &mut response)?;
+            let controlled = Controlled { places: &places, targets: &targets, elastic: &elastic };
+            let asked = self.reach(&start, &mut gradient, &controlled, &mut response)?;
             last_change = std::array::from_fn(|place| gradient[place] - committed[place]);
             if asked.is_break() {
                 return Ok(asked);
@@ -120,45 +144,24 @@ impl Run<'_> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Corrects the free components of `gradient` until the controlled stresses are within tolerance, commits the state and delivers its row.
+    /// Corrects the free components of `gradient` until the controlled stresses are within tolerance, commits the state and delivers its
+    /// row. Where no strain meets them, since the frame snaps, they are relaxed in committed steps.
     fn reach(
         &mut self,
         start: &Plane,
         gradient: &mut [f64; 4],
-        places: &[usize],
-        targets: &[f64],
+        controlled: &Controlled<'_>,
         response: &mut DMatrix<f64>,
     ) -> Result<ControlFlow<()>, ElementError> {
-        let (mut steps, mut last): (u64, Option<(DVector<f64>, DVector<f64>)>) = (0, None);
-        let mut trial = 0;
-        loop {
-            trial += 1;
-            let answer = self.attempt(start, gradient)?;
-            steps += answer.cost.force_evaluations;
-            let stress = flat(&answer.stress.plane());
-            let miss = DVector::from_iterator(
-                places.len(),
-                places.iter().zip(targets).map(|(place, target)| target - stress[*place]),
-            );
-            let pressure = 0.5 * (stress[0] + stress[3]).abs();
-            let scale = raised_level(pressure.max(LEAST_SHARE * self.stress_level), targets);
-            let tolerance = self.stress_tolerance * scale;
+        let mut last: Option<(DVector<f64>, DVector<f64>)> = None;
+        let mut spent = Spent::default();
+        let before = *gradient;
+        for _ in 0..MOST_TRIALS {
+            let answer = self.attempt(start, gradient, &mut spent)?;
+            let (miss, tolerance, _) = self.miss(&answer, controlled);
             if miss.iter().all(|miss| miss.abs() <= tolerance) {
-                self.stress = stress;
-                self.cell.commit().expect("the accepted trial is the latest");
-                self.deformation = deformed(start, gradient);
-                return Ok(self.deliver(&answer, trial, steps));
-            }
-            if trial == MOST_TRIALS {
-                let worst = miss.iamax();
-                return Err(ElementError::StressNotReached {
-                    increment: self.summary.rows,
-                    component: KEYS[places[worst]],
-                    reached: stress[places[worst]],
-                    target: targets[worst],
-                    tolerance,
-                    iterations: trial,
-                });
+                let control = if controlled.places.is_empty() { StressControl::None } else { StressControl::Met };
+                return Ok(self.accept(start, gradient, &answer, control, spent));
             }
             if let Some((step, before)) = &last {
                 let surprise = (before - &miss) - &*response * step;
@@ -166,11 +169,92 @@ impl Run<'_> {
             }
             let step = response.clone().lu().solve(&miss).unwrap_or_else(|| miss.map(|_| -PERTURBATION));
             let step = &step * (LARGEST_CORRECTION / step.amax()).min(1.0);
-            for (place, part) in places.iter().zip(step.iter()) {
+            for (place, part) in controlled.places.iter().zip(step.iter()) {
                 gradient[*place] += part;
             }
             last = Some((step, miss));
         }
+        *gradient = before;
+        *response = controlled.elastic.clone();
+        self.relax(start, gradient, controlled, spent)
+    }
+
+    /// Takes the frame to `gradient` and from there, in committed steps, to the controlled stresses.
+    fn relax(
+        &mut self,
+        start: &Plane,
+        gradient: &mut [f64; 4],
+        controlled: &Controlled<'_>,
+        mut spent: Spent,
+    ) -> Result<ControlFlow<()>, ElementError> {
+        let mut targets = [None; COMPONENTS];
+        let mut elastic = [[0.0; COMPONENTS]; COMPONENTS];
+        for (row, place) in controlled.places.iter().enumerate() {
+            targets[IN_SPACE[*place]] = Some(controlled.targets[row]);
+            for (column, other) in controlled.places.iter().enumerate() {
+                elastic[IN_SPACE[*place]][IN_SPACE[*other]] = controlled.elastic[(row, column)];
+            }
+        }
+        let mut relaxation = Relaxation::new(&targets);
+        let mut nearest = None;
+        for taken in 0..MOST_RELAXED {
+            let answer = self.attempt(start, gradient, &mut spent)?;
+            let (miss, tolerance, scale) = self.miss(&answer, controlled);
+            let distance = miss.amax();
+            if distance <= tolerance {
+                return Ok(self.accept(start, gradient, &answer, StressControl::Relaxed, spent));
+            }
+            if taken >= STEPS_BEFORE_NEAREST && distance <= LARGEST_JUMP * scale {
+                return Ok(self.accept(start, gradient, &answer, StressControl::Jump, spent));
+            }
+            if nearest.as_ref().is_none_or(|(best, ..): &(DVector<f64>, f64, [f64; 4])| distance < best.amax()) {
+                nearest = Some((miss, tolerance, flat(&answer.stress.plane())));
+            }
+            self.keep(start, gradient);
+            let next = relaxation.next(&in_space(&two_by_two(gradient)), &in_space(&answer.stress.plane()), &elastic);
+            for place in controlled.places {
+                gradient[*place] = next[IN_SPACE[*place] / 3][IN_SPACE[*place] % 3];
+            }
+        }
+        let (miss, tolerance, stress) = nearest.expect("at least one step was taken");
+        let worst = miss.iamax();
+        Err(ElementError::StressNotReached {
+            increment: self.summary.rows,
+            component: KEYS[controlled.places[worst]],
+            reached: stress[controlled.places[worst]],
+            target: controlled.targets[worst],
+            tolerance,
+            iterations: spent.trials,
+        })
+    }
+
+    /// Targets less stresses, Pa, their tolerance, and the stress that both are measured by.
+    fn miss(&self, answer: &TrialResult, controlled: &Controlled<'_>) -> (DVector<f64>, f64, f64) {
+        let stress = flat(&answer.stress.plane());
+        let missing = controlled.places.iter().zip(controlled.targets).map(|(place, target)| target - stress[*place]);
+        let pressure = 0.5 * (stress[0] + stress[3]).abs();
+        let scale = raised_level(pressure.max(LEAST_SHARE * self.stress_level), controlled.targets);
+        (DVector::from_iterator(controlled.places.len(), missing), self.stress_tolerance * scale, scale)
+    }
+
+    /// Commits the latest trial.
+    fn keep(&mut self, start: &Plane, gradient: &[f64; 4]) {
+        self.cell.commit().expect("the accepted trial is the latest");
+        self.deformation = deformed(start, gradient);
+    }
+
+    /// Commits the latest trial and delivers its row.
+    fn accept(
+        &mut self,
+        start: &Plane,
+        gradient: &[f64; 4],
+        answer: &TrialResult,
+        control: StressControl,
+        spent: Spent,
+    ) -> ControlFlow<()> {
+        self.stress = flat(&answer.stress.plane());
+        self.keep(start, gradient);
+        self.deliver(answer, control, spent)
     }
 
     /// Derivative of the controlled stresses by the free strains, from small probes.
@@ -186,8 +270,9 @@ impl Run<'_> {
             for (stress, sign) in stresses.iter_mut().zip([1.0, -1.0]) {
                 let mut probe = *gradient;
                 probe[*place] += sign * PERTURBATION;
-                let answer = self.attempt(start, &probe)?;
-                self.summary.dem_steps += answer.cost.force_evaluations;
+                let mut spent = Spent::default();
+                let answer = self.attempt(start, &probe, &mut spent)?;
+                self.summary.dem_steps += spent.dem_steps;
                 *stress = flat(&answer.stress.plane());
             }
             for (row, place) in places.iter().enumerate() {
@@ -197,23 +282,32 @@ impl Run<'_> {
         Ok(response)
     }
 
-    fn attempt(&mut self, start: &Plane, gradient: &[f64; 4]) -> Result<TrialResult, ElementError> {
+    fn attempt(
+        &mut self,
+        start: &Plane,
+        gradient: &[f64; 4],
+        spent: &mut Spent,
+    ) -> Result<TrialResult, ElementError> {
         let target = plane::product(&deformed(start, gradient), &plane::inverse(&self.deformation));
         let h = plane::add_scaled(&target, -1.0, &plane::IDENTITY);
         let options = TrialOptions { observables: Observables::ALL, ..TrialOptions::default() };
         let answer = self.cell.trial(&Tensor2::from_plane(h), &options);
-        answer.map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })
+        let answer = answer.map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })?;
+        spent.trials += 1;
+        spent.dem_steps += answer.cost.force_evaluations;
+        Ok(answer)
     }
 
-    fn deliver(&mut self, answer: &TrialResult, trials: u32, dem_steps: u64) -> ControlFlow<()> {
+    fn deliver(&mut self, answer: &TrialResult, control: StressControl, spent: Spent) -> ControlFlow<()> {
         let mut row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), answer, None);
         match &mut self.work {
             Some(work) => work.advance(row.deformation, row.stress, None),
             none => *none = Some(PathWork::new(row.deformation, row.stress, 1.0)),
         }
         row.work = self.work.as_ref().map_or(0.0, |work| work.over_present_volume()[0]);
-        row.trials = trials;
-        row.dem_steps = dem_steps;
+        row.trials = spent.trials;
+        row.dem_steps = spent.dem_steps;
+        row.stress_control = control;
         let network = self.cell.committed_network();
         row.force_anisotropy = Some(network.force_anisotropy());
         row.picture = self.requests.pictures.contains(&row.increment).then(|| self.cell.picture(&network));
@@ -224,7 +318,7 @@ impl Run<'_> {
             let since = plane::product(&self.deformation, &plane::inverse(deformation));
             row.fluctuations = Some(displacement_fluctuations(start, self.cell.committed(), &since));
         }
-        self.summary.note(&row);
+        self.summary.add(&row);
         (self.on_row)(&row)
     }
 }
@@ -233,6 +327,10 @@ impl Run<'_> {
 fn deformed(start: &Plane, gradient: &[f64; 4]) -> Plane {
     let [xx, xy, yx, yy] = *gradient;
     plane::product(&[[1.0 + xx, xy], [yx, 1.0 + yy]], start)
+}
+
+fn two_by_two([xx, xy, yx, yy]: &[f64; 4]) -> Plane {
+    [[*xx, *xy], [*yx, *yy]]
 }
 
 fn flat(tensor: &Plane) -> [f64; 4] {

@@ -30,7 +30,7 @@ const MOST_TRIALS: u32 = 30;
 
 /// Largest difference between a controlled stress and its target that is accepted where the cell snaps across the
 /// target, relative to the mean pressure.
-const LARGEST_JUMP: f64 = 0.05;
+pub(super) const LARGEST_JUMP: f64 = 0.05;
 
 /// Most times that an increment is halved for the sake of the controlled stresses.
 const MOST_HALVINGS: u32 = 5;
@@ -40,10 +40,10 @@ const MOST_HALVINGS: u32 = 5;
 const MOST_SEARCHED: u32 = 400;
 
 /// Most committed steps of relaxed stresses in one increment.
-const MOST_RELAXED: u32 = 600;
+pub(super) const MOST_RELAXED: u32 = 600;
 
 /// Steps of a relaxation after which it ends as near to the stresses as a snap may leave the cell.
-const STEPS_BEFORE_NEAREST: u32 = 100;
+pub(super) const STEPS_BEFORE_NEAREST: u32 = 100;
 
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
 /// what `requests` names: a tangent operator alone stands for itself.
