@@ -14,8 +14,9 @@ pub enum FrameConstraint {
     Periodic,
     /// Boundary forces of one stress, `a_q = P A_q`, no moments; only the mean deformation is given.
     Traction,
-    /// Plane tests between smooth platens and soft sides, in RVE tests alone: the grains of the lower and the upper side keep `y_q = (F X_q)_y` and
-    /// slide along it, those of the left and the right side bear the uniform horizontal forces `a_q = P A_q` and no vertical ones.
+    /// Plane tests between smooth platens and soft sides, in the table `[frame]` of RVE tests alone: the grains of the lower and the upper side keep
+    /// `y_q = (F X_q)_y`, and all boundary grains bear the horizontal part of `a_q = P A_q`, with the shear `P_xy` that keeps the mean
+    /// shear strain; `stress = { xy = 0 }` makes the platens free of it. The sides bear no vertical forces, and boundary grains turn freely.
     Platens,
 }
 

@@ -210,7 +210,7 @@ impl RveOptions {
         }
         if self.frame.as_ref().is_some_and(|frame| frame.constraint == FrameConstraint::Platens) {
             return Err(DefinitionError(
-                "rve.frame.constraint = \"platens\" is for RVE tests: a Gauss point has no sides between platens; use \"periodic\", \
+                "rve.frame.constraint = \"platens\" is for the table [frame] of RVE tests: a Gauss point has no sides between platens; use \"periodic\", \
                  \"traction\" or \"linear\""
                     .into(),
             ));

@@ -8,10 +8,11 @@ use crate::space::{Components, Space};
 pub struct CellPicture {
     /// 2 for discs, 3 for spheres.
     pub dimension: usize,
-    /// Periodicity vectors, m; as many as dimensions. Of a frame of boundary grains, those that it had as a part of a packing.
+    /// Periodicity vectors, m; as many as dimensions. Of a frame of boundary grains the mean deformation of those of all its copies; empty
+    /// for specimens.
     pub cell: Vec<[f64; 3]>,
-    /// Corners of a body that is no periodic cell, in order, m: the centres of the boundary grains of a frame, or its walls. Empty for a
-    /// periodic cell.
+    /// Corners of a body that is no periodic cell, in order, m: the centres of the boundary grains of a frame, or the box around the grains of
+    /// a specimen. Empty for a periodic cell.
     pub outline: Vec<[f64; 3]>,
     /// Centres of the grains, m; not wrapped into the cell.
     pub centres: Vec<[f64; 3]>,

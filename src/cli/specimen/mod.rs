@@ -201,7 +201,8 @@ impl Output {
             .map_err(|error| Failure::new(Exit::BadInput, error))?;
         if let (Some(pictures), Some(folder)) = (&mut self.pictures, &arguments.pictures) {
             remove_drafts(folder)?;
-            if let Some((_, missing)) = earlier.frames.iter().find(|(_, file)| !folder.join(file).exists()) {
+            let files = earlier.frames.iter().flat_map(|(_, grains)| pictures.files(grains));
+            if let Some(missing) = files.into_iter().find(|file| !folder.join(file).exists()) {
                 let problem =
                     format!("--pictures: {} does not hold {missing}, which was drawn before", folder.display());
                 return Err(Failure::new(

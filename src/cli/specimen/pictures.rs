@@ -75,6 +75,12 @@ impl Pictures {
         self.series.add(row.step as f64, name)
     }
 
+    /// The files of a row for ParaView, given that of the grains.
+    pub(super) fn files(&self, grains: &str) -> Vec<String> {
+        let contacts = self.contacts.is_some().then(|| of_contacts(grains));
+        std::iter::once(grains.to_owned()).chain(contacts).collect()
+    }
+
     /// Goes on behind the rows of an earlier process.
     ///
     /// # Errors

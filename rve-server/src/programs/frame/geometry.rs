@@ -51,9 +51,9 @@ pub struct FrameGeometry {
     pub areas: Vec<[f64; 2]>,
     /// Area enclosed by the centres of the boundary grains, m2.
     pub area: f64,
-    /// Numbers of the corner grains: at the origin, at Y1, at Y1 + Y2, at Y2.
+    /// Numbers of the corner grains: at the origin and, for n by m copies, at n Y1, n Y1 + m Y2, m Y2.
     pub corners: [usize; 4],
-    /// Opposite edge grains, `[minus, plus]`; plus is the image of minus by Y1 or Y2.
+    /// Opposite edge grains, `[minus, plus]`; plus is the image of minus by n Y1 or m Y2.
     pub pairs: Vec<[usize; 2]>,
     /// Bits of the sides that a grain lies on: [`BOTTOM`], [`RIGHT`], [`TOP`], [`LEFT`]; 0 inside.
     pub sides: Vec<u8>,

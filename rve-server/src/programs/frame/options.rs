@@ -68,8 +68,8 @@ pub struct FrameOptions {
     pub most_corrections: Option<u32>,
 }
 
-/// Most copies along an axis.
-const MOST_TILES: u32 = 1000;
+/// Most copies: finding the places of grains takes the square of their number.
+const MOST_TILES: u64 = 256;
 
 /// The packing alone.
 fn one_tile() -> [u32; 2] {
@@ -164,10 +164,12 @@ impl FrameOptions {
     /// The first offending key with the remedy.
     pub fn validate(&self) -> Result<(), DefinitionError> {
         in_declared_ranges(self, "frame")?;
-        match self.tiles {
-            [1..=MOST_TILES, 1..=MOST_TILES] => Ok(()),
-            [across, up] => Err(DefinitionError(format!(
-                "frame.tiles must be two whole numbers from 1 to {MOST_TILES}, copies of the packing along x and y, not [{across}, {up}]"
+        let [across, up] = self.tiles;
+        match u64::from(across) * u64::from(up) {
+            1..=MOST_TILES => Ok(()),
+            _ => Err(DefinitionError(format!(
+                "frame.tiles must be two whole numbers from 1 on, copies of the packing along x and y, {MOST_TILES} in all at most, not \
+                 [{across}, {up}]"
             ))),
         }
     }

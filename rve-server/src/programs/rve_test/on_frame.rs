@@ -4,7 +4,7 @@ use super::error::ElementError;
 use super::path::COMPONENTS;
 use super::requests::RowRequests;
 use super::row::ElementRow;
-use super::run::{LARGEST_JUMP, MOST_RELAXED, STEPS_BEFORE_NEAREST};
+use super::run::{LARGEST_JUMP, MOST_RELAXED, STEPS_BEFORE_NEAREST, is_out_of_range};
 use super::step::{LEAST_SHARE, raised_level};
 use super::stress_control::StressControl;
 use super::stress_relaxation::Relaxation;
@@ -58,6 +58,7 @@ pub(super) fn run_frame_element(
         deformation: plane::IDENTITY,
         summary: ElementSummary::default(),
         work: None,
+        last_control: StressControl::None,
         requests,
         reference: None,
         on_row,
@@ -98,6 +99,8 @@ struct Run<'a> {
     /// F of the committed state, relative to the frame as cut.
     deformation: Plane,
     stress: [f64; 4],
+    /// How the last row met its stresses.
+    last_control: StressControl,
     summary: ElementSummary,
     /// Work along the rows; none before the first.
     work: Option<PathWork>,
@@ -136,7 +139,11 @@ impl Run<'_> {
                 .collect();
             let controlled = Controlled { places: &places, targets: &targets, elastic: &elastic };
             let asked = self.reach(&start, &mut gradient, &controlled, &mut response)?;
-            last_change = std::array::from_fn(|place| gradient[place] - committed[place]);
+            // A frame that has snapped does not go on as before.
+            last_change = match self.last_control {
+                StressControl::Relaxed | StressControl::Jump => [0.0; 4],
+                _ => std::array::from_fn(|place| gradient[place] - committed[place]),
+            };
             if asked.is_break() {
                 return Ok(asked);
             }
@@ -157,7 +164,10 @@ impl Run<'_> {
         let mut spent = Spent::default();
         let before = *gradient;
         for _ in 0..MOST_TRIALS {
-            let answer = self.attempt(start, gradient, &mut spent)?;
+            let answer = match self.attempt(start, gradient, &mut spent) {
+                Err(ElementError::Cell { reason, .. }) if is_out_of_range(&reason) => break,
+                answer => answer?,
+            };
             let (miss, tolerance, _) = self.miss(&answer, controlled);
             if miss.iter().all(|miss| miss.abs() <= tolerance) {
                 let control = if controlled.places.is_empty() { StressControl::None } else { StressControl::Met };
@@ -196,6 +206,14 @@ impl Run<'_> {
             }
         }
         let mut relaxation = Relaxation::new(&targets);
+        if !relaxation.is_sound(&elastic) {
+            // The frame snapped between the probes of this segment: the stiffest of their answers for every component, so that steps are
+            // short and go the right way.
+            let stiffest = controlled.elastic.amax();
+            for (row, values) in elastic.iter_mut().enumerate() {
+                *values = std::array::from_fn(|column| if row == column { stiffest } else { 0.0 });
+            }
+        }
         let mut nearest = None;
         for taken in 0..MOST_RELAXED {
             let answer = self.attempt(start, gradient, &mut spent)?;
@@ -211,6 +229,10 @@ impl Run<'_> {
                 nearest = Some((miss, tolerance, flat(&answer.stress.plane())));
             }
             self.keep(start, gradient);
+            let row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), &answer, None);
+            if let Some(work) = &mut self.work {
+                work.advance(row.deformation, row.stress, None);
+            }
             let next = relaxation.next(&in_space(&two_by_two(gradient)), &in_space(&answer.stress.plane()), &elastic);
             for place in controlled.places {
                 gradient[*place] = next[IN_SPACE[*place] / 3][IN_SPACE[*place] % 3];
@@ -253,6 +275,7 @@ impl Run<'_> {
         spent: Spent,
     ) -> ControlFlow<()> {
         self.stress = flat(&answer.stress.plane());
+        self.last_control = control;
         self.keep(start, gradient);
         self.deliver(answer, control, spent)
     }

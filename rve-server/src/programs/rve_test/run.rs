@@ -554,6 +554,6 @@ impl<S: SolverFor> Run<S> {
     }
 }
 
-fn is_out_of_range(reason: &RveError) -> bool {
+pub(super) fn is_out_of_range(reason: &RveError) -> bool {
     matches!(reason, RveError::TargetTooLarge { .. } | RveError::TargetInverted { .. })
 }
