@@ -163,9 +163,9 @@ fn nets(title: &str, picture: &CellPicture) -> [Stereonet; 2] {
     ]
 }
 
-/// Displacement fluctuations of discs, drawn within the cell.
-fn arrows(title: &str, picture: &CellPicture, fluctuations: &[[f64; 3]]) -> Arrows {
-    let ForceChains { outline, grains, .. } = force_chains(title, picture);
+/// Displacement fluctuations of discs.
+pub(super) fn arrows(title: &str, picture: &CellPicture, fluctuations: &[[f64; 3]]) -> Arrows {
+    let (outline, grains) = in_plane(picture);
     Arrows {
         title: title.to_owned(),
         quantity: "displacement fluctuations".to_owned(),
@@ -177,7 +177,7 @@ fn arrows(title: &str, picture: &CellPicture, fluctuations: &[[f64; 3]]) -> Arro
 
 /// Rotations of discs since the start, as colours.
 pub(super) fn rotations(title: &str, picture: &CellPicture) -> GrainMap {
-    let ForceChains { outline, grains, .. } = force_chains(title, picture);
+    let (outline, grains) = in_plane(picture);
     GrainMap {
         title: format!("{title}: rotation of the grains"),
         quantity: "rotation since the start, counter-clockwise".to_owned(),
@@ -191,26 +191,11 @@ pub(super) fn rotations(title: &str, picture: &CellPicture) -> GrainMap {
 /// The force chains of discs. Grains of a periodic cell are drawn within it; a contact across its border is drawn at both sides. Another body
 /// is drawn as it lies.
 pub(super) fn force_chains(title: &str, picture: &CellPicture) -> ForceChains {
-    let wrapped: Box<dyn Fn([f64; 2]) -> [f64; 2]>;
-    let outline;
-    if picture.outline.is_empty() {
-        let [a, b] = [plane(picture.cell[0]), plane(picture.cell[1])];
-        let area = a[0] * b[1] - a[1] * b[0];
-        wrapped = Box::new(move |[x, y]| {
-            let along = ((x * b[1] - y * b[0]) / area).floor();
-            let across = ((a[0] * y - a[1] * x) / area).floor();
-            [x - along * a[0] - across * b[0], y - along * a[1] - across * b[1]]
-        });
-        outline = vec![[0.0; 2], a, [a[0] + b[0], a[1] + b[1]], b];
-    } else {
-        wrapped = Box::new(|place| place);
-        outline = picture.outline.iter().map(|corner| plane(*corner)).collect();
-    }
-    let centres: Vec<[f64; 2]> = picture.centres.iter().map(|centre| wrapped(plane(*centre))).collect();
+    let (outline, grains) = in_plane(picture);
     let mut lines = Vec::new();
     for contact in &picture.contacts {
         let branch = [0, 1].map(|axis| contact.to[axis] - contact.from[axis]);
-        let [first, second] = contact.grains.map(|grain| centres[grain as usize]);
+        let [first, second] = contact.grains.map(|grain| grains[grain as usize].0);
         let line = |from: [f64; 2], to: [f64; 2]| ForceLine {
             from,
             to,
@@ -223,12 +208,26 @@ pub(super) fn force_chains(title: &str, picture: &CellPicture) -> ForceChains {
             lines.push(line([0, 1].map(|axis| second[axis] - branch[axis]), second));
         }
     }
-    ForceChains {
-        title: title.to_owned(),
-        outline,
-        grains: centres.into_iter().zip(picture.radii.iter().copied()).collect(),
-        lines,
+    ForceChains { title: title.to_owned(), outline, grains, lines }
+}
+
+/// Outline, centres and radii of discs as they are drawn, m: those of a periodic cell within it.
+fn in_plane(picture: &CellPicture) -> (Vec<[f64; 2]>, Vec<([f64; 2], f64)>) {
+    let grains = picture.centres.iter().map(|centre| plane(*centre)).zip(picture.radii.iter().copied());
+    if !picture.outline.is_empty() {
+        return (picture.outline.iter().map(|corner| plane(*corner)).collect(), grains.collect());
     }
+    let [a, b] = [plane(picture.cell[0]), plane(picture.cell[1])];
+    let area = a[0] * b[1] - a[1] * b[0];
+    let wrapped = |[x, y]: [f64; 2]| {
+        let along = ((x * b[1] - y * b[0]) / area).floor();
+        let across = ((a[0] * y - a[1] * x) / area).floor();
+        [x - along * a[0] - across * b[0], y - along * a[1] - across * b[1]]
+    };
+    (
+        vec![[0.0; 2], a, [a[0] + b[0], a[1] + b[1]], b],
+        grains.map(|(centre, radius)| (wrapped(centre), radius)).collect(),
+    )
 }
 
 fn plane([x, y, _]: [f64; 3]) -> [f64; 2] {

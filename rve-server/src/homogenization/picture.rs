@@ -20,7 +20,7 @@ pub struct CellPicture {
     pub radii: Vec<f64>,
     /// Spin of each grain added up since the start, rad; of discs in the third component, counter-clockwise.
     pub rotations: Vec<[f64; 3]>,
-    /// Whether each grain is a rattler.
+    /// Whether each grain is a rattler; empty where that is not known, as in specimens.
     pub rattlers: Vec<bool>,
     /// Contacts in sorted pair order.
     pub contacts: Vec<ContactLine>,

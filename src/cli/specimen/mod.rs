@@ -241,14 +241,14 @@ impl Output {
                     });
                 }
             }
-            SpecimenEvent::Row(row, picture) => {
+            SpecimenEvent::Row(row, shown) => {
                 self.bar.set_message(format!("{}: unbalanced {:.1e}", row.stage, row.unbalanced_force_ratio));
                 if let Some(profiles) = &mut self.profiles {
-                    profiles.add(row, picture);
+                    profiles.add(row, *shown);
                 }
                 let written = self.csv.write(row).map_err(|error| Failure::new(Exit::BadInput, error));
                 let drawn = written.and_then(|()| match &mut self.pictures {
-                    Some(pictures) => Ok(pictures.draw(row, &picture())?),
+                    Some(pictures) => Ok(pictures.draw(row, *shown)?),
                     None => Ok(()),
                 });
                 if let Err(failure) = drawn {

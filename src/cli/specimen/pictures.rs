@@ -1,11 +1,10 @@
 //! Pictures of the grains of a specimen.
 
-use crate::cli::cell_files::{force_chains, rotations, write_contacts};
+use crate::cli::cell_files::{arrows, force_chains, rotations, write_contacts};
 use crate::exit::Failure;
-use charts::Arrows;
 use macro_solver::output::{Field, FieldSeries, OutputError, write_atomically, write_particles};
-use rve_server::homogenization::picture::CellPicture;
-use rve_server::programs::specimen::{SpecimenPicture, SpecimenRow, less_linear_field};
+use rve_server::homogenization::picture::{CellPicture, ContactLine};
+use rve_server::programs::specimen::{Shown, SpecimenPicture, SpecimenRow, less_linear_field};
 use std::path::{Path, PathBuf};
 
 /// ParaView files of the grains and their contacts, and of discs pictures of fluctuations, force chains and rotations.
@@ -51,7 +50,10 @@ impl Pictures {
     ///
     /// # Errors
     /// A file cannot be written.
-    pub(super) fn draw(&mut self, row: &SpecimenRow, picture: &SpecimenPicture) -> Result<(), OutputError> {
+    pub(super) fn draw(&mut self, row: &SpecimenRow, shown: &dyn Shown) -> Result<(), OutputError> {
+        let picture = shown.grains();
+        let contacts = if self.contacts.is_some() { shown.contacts() } else { Vec::new() };
+        let body = as_body(self.dimension, &picture, contacts);
         let name = format!("grains-{:04}.vtp", self.drawn);
         self.drawn += 1;
         let title = format!("stage {}, step {}", row.stage, row.step);
@@ -64,13 +66,11 @@ impl Pictures {
             let fluctuations = less_linear_field(&self.start, &picture.centres);
             if self.dimension == 2 {
                 let file = self.folder.join(name.replace(".vtp", "-fluctuations.svg"));
-                write_atomically(&file, arrows(title.clone(), picture, &fluctuations).to_svg().as_bytes())?;
+                write_atomically(&file, arrows(&title, &body, &fluctuations).to_svg().as_bytes())?;
             }
             fields.push(Field::vector("displacement_fluctuation", &fluctuations));
         }
-        if self.contacts.is_some() {
-            self.draw_contacts(row.step, &name, &title, picture)?;
-        }
+        self.draw_contacts(row.step, &name, &title, &body)?;
         write_particles(&self.folder.join(&name), &picture.centres, &fields)?;
         self.series.add(row.step as f64, name)
     }
@@ -94,24 +94,17 @@ impl Pictures {
         self.series.restore(frames.to_vec())
     }
 
-    fn draw_contacts(
-        &mut self,
-        step: u64,
-        name: &str,
-        title: &str,
-        picture: &SpecimenPicture,
-    ) -> Result<(), OutputError> {
-        let body = as_body(self.dimension, picture);
-        write_contacts(&self.folder.join(of_contacts(name)), &body)?;
-        if let Some(series) = &mut self.contacts {
-            series.add(step as f64, of_contacts(name))?;
-        }
+    /// The contacts, if they are drawn, and of discs force chains and rotations.
+    fn draw_contacts(&mut self, step: u64, name: &str, title: &str, body: &CellPicture) -> Result<(), OutputError> {
+        let Some(series) = &mut self.contacts else { return Ok(()) };
+        write_contacts(&self.folder.join(of_contacts(name)), body)?;
+        series.add(step as f64, of_contacts(name))?;
         if self.dimension == 2 {
             let write = |ending: &str, text: String| {
                 write_atomically(&self.folder.join(name.replace(".vtp", ending)), text.as_bytes())
             };
-            write("-force-chains.svg", force_chains(title, &body).to_svg())?;
-            write("-rotations.svg", rotations(title, &body).to_svg())?;
+            write("-force-chains.svg", force_chains(title, body).to_svg())?;
+            write("-rotations.svg", rotations(title, body).to_svg())?;
         }
         Ok(())
     }
@@ -123,7 +116,7 @@ fn of_contacts(grains: &str) -> String {
 }
 
 /// A body as the pictures of cells have it, in the box around its grains.
-fn as_body(dimension: usize, picture: &SpecimenPicture) -> CellPicture {
+fn as_body(dimension: usize, picture: &SpecimenPicture, contacts: Vec<ContactLine>) -> CellPicture {
     let [[left, right], [low, high]] = [0, 1].map(|axis| extent(picture, axis));
     CellPicture {
         dimension,
@@ -133,7 +126,7 @@ fn as_body(dimension: usize, picture: &SpecimenPicture) -> CellPicture {
         radii: picture.radii.clone(),
         rotations: picture.rotations.clone(),
         rattlers: Vec::new(),
-        contacts: picture.contacts.clone(),
+        contacts,
     }
 }
 
@@ -142,17 +135,4 @@ fn extent(picture: &SpecimenPicture, axis: usize) -> [f64; 2] {
     let grains = picture.centres.iter().zip(&picture.radii);
     let ends = grains.flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
     ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
-}
-
-/// The fluctuations of discs in the box around them.
-fn arrows(title: String, picture: &SpecimenPicture, fluctuations: &[[f64; 3]]) -> Arrows {
-    let grains = || picture.centres.iter().zip(&picture.radii);
-    let [[left, right], [low, high]] = [0, 1].map(|axis| extent(picture, axis));
-    Arrows {
-        title,
-        quantity: "displacement fluctuations".to_owned(),
-        outline: vec![[left, low], [right, low], [right, high], [left, high]],
-        grains: grains().map(|(centre, radius)| ([centre[0], centre[1]], *radius)).collect(),
-        arrows: fluctuations.iter().map(|fluctuation| [fluctuation[0], fluctuation[1]]).collect(),
-    }
 }

@@ -1,7 +1,7 @@
 //! `--profiles DIR`: shear of the layers of a specimen at every row, and the band that it shows.
 
 use macro_solver::output::{LayerBand, OutputError, write_atomically};
-use rve_server::programs::specimen::{Layers, ProfileTable, SpecimenPicture, SpecimenRow};
+use rve_server::programs::specimen::{Layers, ProfileTable, Shown, SpecimenPicture, SpecimenRow};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -64,9 +64,9 @@ impl Profiles {
     }
 
     /// Adds the layers of a row; none before the counting has begun.
-    pub(super) fn add(&mut self, row: &SpecimenRow, picture: &dyn Fn() -> SpecimenPicture) {
+    pub(super) fn add(&mut self, row: &SpecimenRow, shown: &dyn Shown) {
         let Kept { layers: Some(layers), profile, band } = &mut self.kept else { return };
-        let interfaces = layers.advance(&picture());
+        let interfaces = layers.advance(&shown.grains());
         for interface in &interfaces {
             let numbers = [interface.coordinate, interface.displacement, interface.shear_strain, interface.growth]
                 .map(|number| number.to_string());

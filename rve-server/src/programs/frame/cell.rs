@@ -1,10 +1,11 @@
 //! A frame as an RVE: trials, commits and snapshots like those of a periodic cell.
 
+use super::contacts::listed_contacts;
 use super::geometry::FrameGeometry;
 use super::options::FrameOptions;
 use super::relaxation::{FrameRelaxation, Relaxed};
-use crate::cell::{Cell, ContactNetwork, ContactRecord, GrainState, NetworkContact, PairKey};
-use crate::contact::{AT_LIMIT, ContactTable, LawName, PlainLinear, Rotations};
+use crate::cell::{Cell, ContactNetwork, GrainState};
+use crate::contact::{ContactTable, LawName, PlainLinear, Rotations};
 use crate::definition::{EngineFeature, FrameConstraint, GrainDefinition, PackingFile};
 use crate::engine::ENGINE_VERSION;
 use crate::error::DefinitionError;
@@ -357,8 +358,8 @@ impl FrameRve {
     fn void_ratio(&self, state: &GrainState<Discs>) -> f64 {
         let mut seen = vec![false; self.geometry.distinct];
         let mut solid = 0.0;
-        for (class, radius) in self.geometry.classes.iter().zip(&self.geometry.radii) {
-            if !std::mem::replace(&mut seen[*class], true) {
+        for (original, radius) in self.geometry.images_of.iter().zip(&self.geometry.radii) {
+            if !std::mem::replace(&mut seen[*original], true) {
                 solid += Discs::grain_measure(*radius);
             }
         }
@@ -400,91 +401,6 @@ impl FrameRve {
         }
         observed
     }
-}
-
-impl FrameRelaxation<'_, PlainLinear> {
-    /// The present state; `start` is the one it came from.
-    fn end_state(&self, start: &GrainState<Discs>, unbalanced: f64) -> GrainState<Discs> {
-        let contacts = self.body.touching().map(|index| {
-            let PairKey { origin, end, shift } = *self.body.key(index);
-            ContactRecord { origin, end, shift, tangential_force: self.body.slots[index].tangential_force[0] }
-        });
-        GrainState {
-            positions: self.body.grains.iter().map(|grain| grain.position).collect(),
-            rotations: self.rotations.clone(),
-            contacts: contacts.collect(),
-            unbalanced,
-            largest_load: start.largest_load.max(self.load_at_rest()),
-            ..start.clone()
-        }
-    }
-
-    /// The present contacts, each with its share.
-    fn network(&self, state: &GrainState<Discs>, thickness: f64, friction: f64) -> ContactNetwork<Discs> {
-        let contacts = self.body.touching().map(|index| {
-            let (key, slot) = (self.body.key(index), &self.body.slots[index]);
-            let [normal_stiffness, tangential_stiffness, _] =
-                slot.stiffness(self.body.law()).map(|stiffness| slot.weight * stiffness);
-            let normal_force = slot.weight * slot.normal_force;
-            let tangential_force = slot.weight * slot.tangential_force[0];
-            let (origin, end, shift) = (key.origin, key.end, key.shift);
-            let limit = slot.weight * slot.friction_limit(self.body.law());
-            NetworkContact {
-                origin,
-                end,
-                shift,
-                normal_stiffness,
-                tangential_stiffness,
-                rolling_stiffness: 0.0,
-                normal_force,
-                tangential_force,
-                slid: false,
-                at_limit: tangential_force.abs() >= AT_LIMIT * limit,
-            }
-        });
-        ContactNetwork {
-            cell: state.cell.rows,
-            thickness,
-            positions: state.positions.clone(),
-            radii: self.geometry.radii.clone(),
-            rotations_free: self.turning == Rotations::Free,
-            friction,
-            contacts: contacts.collect(),
-        }
-    }
-
-    /// `(1/V) sum a_q x X_q` over the boundary grains, [Liu2018] eq. 14: first Piola stress relative to the frame as cut,
-    /// Pa. The boundary forces balance the contact forces.
-    fn first_piola(&mut self, thickness: f64) -> Plane {
-        let mut sum = [[0.0; 2]; 2];
-        let scale = -1.0 / (self.geometry.area * thickness);
-        for (load, place) in self.body.loads.iter().zip(&self.geometry.positions).take(self.geometry.boundary) {
-            for (row, force) in sum.iter_mut().zip(load.force) {
-                for (value, x) in row.iter_mut().zip(place) {
-                    *value += scale * force * x;
-                }
-            }
-        }
-        sum
-    }
-}
-
-/// Listed contacts of the packing on every pair of frame grains that shows the same contact.
-fn listed_contacts(packing: &PackingFile<Discs>, geometry: &FrameGeometry) -> Vec<ContactRecord<Discs>> {
-    let mut contacts = Vec::new();
-    for listed in &packing.contacts {
-        let of = |grain: u32| geometry.places.iter().enumerate().filter(move |(_, place)| place.0 == grain);
-        for (first, from) in of(listed.origin) {
-            let wanted = [from.1[0] + listed.shift[0], from.1[1] + listed.shift[1]];
-            for (second, _) in of(listed.end).filter(|(_, to)| to.1 == wanted) {
-                let key = PairKey::<Discs>::canonical(first as u32, second as u32, [0, 0]);
-                let PairKey { origin, end, shift } = key;
-                contacts.push(ContactRecord { origin, end, shift, tangential_force: listed.tangential_force });
-            }
-        }
-    }
-    contacts.sort_unstable_by_key(ContactRecord::key);
-    contacts
 }
 
 /// Turns a state as a whole.

@@ -57,10 +57,8 @@ pub struct FrameGeometry {
     pub pairs: Vec<[usize; 2]>,
     /// Bits of the sides that a grain lies on: [`BOTTOM`], [`RIGHT`], [`TOP`], [`LEFT`]; 0 inside.
     pub sides: Vec<u8>,
-    /// Copies of the packing along Y1 and Y2.
-    pub tiles: [u32; 2],
     /// For every grain the number, below `distinct`, of the one that it is an image of.
-    pub classes: Vec<usize>,
+    pub images_of: Vec<usize>,
     /// Number of grains in all copies that are no images of each other.
     pub distinct: usize,
 }
@@ -143,7 +141,7 @@ impl FrameGeometry {
             return None;
         }
         let grains = packing.grains.len();
-        let on_boundary: BTreeSet<usize> = places.iter().map(|place| class(place, grains, tiles)).collect();
+        let on_boundary: BTreeSet<usize> = places.iter().map(|place| image_of(place, grains, tiles)).collect();
         let distinct = grains * (across * up) as usize;
         for number in (0..distinct).filter(|number| !on_boundary.contains(number)) {
             let (copy, grain) = ((number / grains) as i32, (number % grains) as u32);
@@ -153,22 +151,9 @@ impl FrameGeometry {
         let positions: Vec<[f64; 2]> = places.iter().map(position).collect();
         let radii: Vec<f64> = places.iter().map(|place| packing.grains[place.0 as usize][2]).collect();
         let areas = area_vectors(&positions[..boundary], &radii[..boundary]);
-        let classes: Vec<usize> = places.iter().map(|place| class(place, grains, tiles)).collect();
-        let pairs = opposite(&places[..boundary], &classes, &corners);
-        Some(Self {
-            places,
-            positions,
-            radii,
-            boundary,
-            areas,
-            area,
-            corners,
-            pairs,
-            sides,
-            tiles,
-            classes,
-            distinct,
-        })
+        let images_of: Vec<usize> = places.iter().map(|place| image_of(place, grains, tiles)).collect();
+        let pairs = opposite(&places[..boundary], &images_of, &corners);
+        Some(Self { places, positions, radii, boundary, areas, area, corners, pairs, sides, images_of, distinct })
     }
 }
 
@@ -202,19 +187,19 @@ fn repeated(chain: &[Place], copies: i32, shift: impl Fn(i32) -> [i32; 2]) -> Ve
 }
 
 /// Number of the grain that a place is an image of, over all copies: grains of the first copy first.
-fn class((grain, shift): &Place, grains: usize, [across, up]: [u32; 2]) -> usize {
+fn image_of((grain, shift): &Place, grains: usize, [across, up]: [u32; 2]) -> usize {
     let copy = |shift: i32, count: u32| shift.rem_euclid(count as i32) as usize;
     *grain as usize + grains * (copy(shift[0], across) + across as usize * copy(shift[1], up))
 }
 
 /// Opposite edge grains: images of one grain by the period of all copies.
-fn opposite(places: &[Place], classes: &[usize], corners: &[usize; 4]) -> Vec<[usize; 2]> {
+fn opposite(places: &[Place], images_of: &[usize], corners: &[usize; 4]) -> Vec<[usize; 2]> {
     let mut first: BTreeMap<usize, usize> = BTreeMap::new();
     let mut pairs = Vec::new();
     for (index, place) in places.iter().enumerate().filter(|(index, _)| !corners.contains(index)) {
-        match first.get(&classes[index]) {
+        match first.get(&images_of[index]) {
             None => {
-                first.insert(classes[index], index);
+                first.insert(images_of[index], index);
             }
             Some(&other) => {
                 let is_plus = place.1 > places[other].1;
@@ -401,7 +386,7 @@ mod tests {
             assert_eq!(frame.boundary, 4 + 2 * frame.pairs.len());
             assert_eq!(frame.boundary, 2 * n * (along - 1) + 2 * m * (up - 1));
             assert!((frame.area / one.area / (n * m) as f64 - 1.0).abs() < 1e-12);
-            let distinct: BTreeSet<usize> = frame.classes.iter().copied().collect();
+            let distinct: BTreeSet<usize> = frame.images_of.iter().copied().collect();
             assert_eq!((distinct.len(), distinct.last().copied()), (frame.distinct, Some(frame.distinct - 1)));
             let f = deformation_gradient(&frame, &frame.positions[..frame.boundary]);
             assert!((f[0][0] - 1.0).abs() < 1e-12 && (f[1][1] - 1.0).abs() < 1e-12 && f[0][1].abs() < 1e-12);

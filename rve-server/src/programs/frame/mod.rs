@@ -2,6 +2,7 @@
 
 pub mod cell;
 mod constraint;
+mod contacts;
 pub mod geometry;
 mod motion;
 pub mod options;

@@ -400,6 +400,35 @@ fn element_tests_run_on_frames() {
     }
 }
 
+/// A loose packing under a law with less friction falls as soon as it may move: small probes tell nothing about it, and the first stress is
+/// met all the same.
+#[test]
+fn stresses_of_a_frame_that_falls_are_met() {
+    let text = r#"
+        packing = "../packings/discs-400-loose.json"
+        [contact]
+        law = "linear"
+        modulus = 3.0e7
+        stiffness_ratio = 0.8
+        friction = 0.3
+        [frame]
+        constraint = "periodic"
+        strain_per_step = 1e-5
+        tolerance = 1e-2
+        [[path]]
+        increments = 1
+        stress = { xx = -1e5, yy = -1e5 }
+    "#;
+    let test = crate::programs::rve_test::ElementTest::from_toml(text).unwrap();
+    let mut rows = Vec::new();
+    let base = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let kind = protocol::TangentKind::None;
+    crate::programs::rve_test::run_element(&test, base, kind, &mut |row| rows.push(row.clone())).unwrap();
+    let stress = rows[1].stress;
+    assert!((stress[0][0] + 1e5).abs() < 1e3 && (stress[1][1] + 1e5).abs() < 1e3, "{stress:?}");
+    assert!(rows[1].void_ratio < rows[0].void_ratio - 1e-3, "it has become denser");
+}
+
 /// Grains that do not come to rest end a trial when the watch has seen enough, not after all steps: tolerances that rounding keeps
 /// out of reach are given up within a quarter of them.
 #[test]

@@ -1,13 +1,12 @@
 //! RVE tests on a frame: strains prescribed, stresses found by a secant search.
 
 use super::error::ElementError;
-use super::path::COMPONENTS;
+use super::path::{COMPONENTS, Operator, by_gradient};
 use super::requests::RowRequests;
 use super::row::ElementRow;
-use super::run::{LARGEST_JUMP, MOST_RELAXED, STEPS_BEFORE_NEAREST, is_out_of_range};
 use super::step::{LEAST_SHARE, raised_level};
 use super::stress_control::StressControl;
-use super::stress_relaxation::Relaxation;
+use super::stress_relaxation::{LARGEST_JUMP, MOST_RELAXED, Relaxation, STEPS_BEFORE_NEAREST, is_out_of_range};
 use super::summary::ElementSummary;
 use super::test_file::{Components, ElementTest, Segment};
 use super::work::PathWork;
@@ -17,12 +16,16 @@ use crate::homogenization::fluctuation::displacement_fluctuations;
 use crate::programs::frame::{FrameDefinition, FrameOptions, FrameRve};
 use crate::space::Discs;
 use crate::space::plane::{self, Plane};
+use crate::tangent;
 use nalgebra::{DMatrix, DVector};
-use protocol::{Observables, RveSolver, Tensor2, TrialOptions, TrialResult};
+use protocol::{Observables, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use std::ops::ControlFlow;
 
 /// Most trials of one increment under stress control.
 const MOST_TRIALS: u32 = 30;
+
+/// Committed states of one increment that have not come to rest, with which it is given up: nothing holds the grains.
+const MOST_RESTLESS: u32 = 30;
 
 /// Strain of the perturbations that give the first response of a segment.
 const PERTURBATION: f64 = 1e-6;
@@ -59,6 +62,7 @@ pub(super) fn run_frame_element(
         summary: ElementSummary::default(),
         work: None,
         last_control: StressControl::None,
+        missed: [None; 4],
         requests,
         reference: None,
         on_row,
@@ -81,7 +85,7 @@ pub(super) fn run_frame_element(
 struct Controlled<'a> {
     places: &'a [usize],
     targets: &'a [f64],
-    elastic: &'a DMatrix<f64>,
+    elastic: &'a Operator,
 }
 
 /// Trials of an increment and their force evaluations.
@@ -89,6 +93,8 @@ struct Controlled<'a> {
 struct Spent {
     trials: u32,
     dem_steps: u64,
+    /// Committed states on the way to its end that have not come to rest.
+    restless: u32,
 }
 
 struct Run<'a> {
@@ -101,6 +107,8 @@ struct Run<'a> {
     stress: [f64; 4],
     /// How the last row met its stresses.
     last_control: StressControl,
+    /// Targets of the last segment if its last increment missed them, Pa.
+    missed: [Option<f64>; 4],
     summary: ElementSummary,
     /// Work along the rows; none before the first.
     work: Option<PathWork>,
@@ -112,13 +120,18 @@ struct Run<'a> {
 
 impl Run<'_> {
     fn follow(&mut self, segment: &Segment) -> Result<ControlFlow<()>, ElementError> {
-        let (start, start_stress) = (self.deformation, self.stress);
-        self.stress_level = raised_level(self.stress_level, &start_stress);
+        let start = self.deformation;
+        self.stress_level = raised_level(self.stress_level, &self.stress);
         let (strains, stresses) = (in_plane(&segment.strain), in_plane(&segment.stress));
+        // A stress that was missed across a snap is made up for at once: the next segment goes on from what was wanted.
+        let mut start_stress = self.stress;
+        for (start, missed) in start_stress.iter_mut().zip(std::mem::take(&mut self.missed)) {
+            *start = missed.unwrap_or(*start);
+        }
         let places: Vec<usize> = (0..4).filter(|place| stresses[*place].is_some()).collect();
         let mut gradient = [0.0; 4];
-        let elastic = self.perturbed(&start, &gradient, &places)?;
-        let mut response = elastic.clone();
+        let elastic = self.elastic(&start, &gradient, &places)?;
+        let mut response = among(&places, &elastic);
         let mut last_change = [0.0; 4];
         for increment in 1..=segment.increments {
             let share = f64::from(increment) / f64::from(segment.increments);
@@ -139,6 +152,9 @@ impl Run<'_> {
                 .collect();
             let controlled = Controlled { places: &places, targets: &targets, elastic: &elastic };
             let asked = self.reach(&start, &mut gradient, &controlled, &mut response)?;
+            if self.last_control == StressControl::Jump && increment == segment.increments {
+                self.missed = stresses;
+            }
             // A frame that has snapped does not go on as before.
             last_change = match self.last_control {
                 StressControl::Relaxed | StressControl::Jump => [0.0; 4],
@@ -185,7 +201,7 @@ impl Run<'_> {
             last = Some((step, miss));
         }
         *gradient = before;
-        *response = controlled.elastic.clone();
+        *response = among(controlled.places, controlled.elastic);
         self.relax(start, gradient, controlled, spent)
     }
 
@@ -198,22 +214,10 @@ impl Run<'_> {
         mut spent: Spent,
     ) -> Result<ControlFlow<()>, ElementError> {
         let mut targets = [None; COMPONENTS];
-        let mut elastic = [[0.0; COMPONENTS]; COMPONENTS];
-        for (row, place) in controlled.places.iter().enumerate() {
-            targets[IN_SPACE[*place]] = Some(controlled.targets[row]);
-            for (column, other) in controlled.places.iter().enumerate() {
-                elastic[IN_SPACE[*place]][IN_SPACE[*other]] = controlled.elastic[(row, column)];
-            }
+        for (place, target) in controlled.places.iter().zip(controlled.targets) {
+            targets[IN_SPACE[*place]] = Some(*target);
         }
         let mut relaxation = Relaxation::new(&targets);
-        if !relaxation.is_sound(&elastic) {
-            // The frame snapped between the probes of this segment: the stiffest of their answers for every component, so that steps are
-            // short and go the right way.
-            let stiffest = controlled.elastic.amax();
-            for (row, values) in elastic.iter_mut().enumerate() {
-                *values = std::array::from_fn(|column| if row == column { stiffest } else { 0.0 });
-            }
-        }
         let mut nearest = None;
         for taken in 0..MOST_RELAXED {
             let answer = self.attempt(start, gradient, &mut spent)?;
@@ -229,11 +233,19 @@ impl Run<'_> {
                 nearest = Some((miss, tolerance, flat(&answer.stress.plane())));
             }
             self.keep(start, gradient);
+            spent.restless += u32::from(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+            if spent.restless == MOST_RESTLESS {
+                break;
+            }
             let row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), &answer, None);
             if let Some(work) = &mut self.work {
                 work.advance(row.deformation, row.stress, None);
             }
-            let next = relaxation.next(&in_space(&two_by_two(gradient)), &in_space(&answer.stress.plane()), &elastic);
+            let next = relaxation.next(
+                &in_space(&two_by_two(gradient)),
+                &in_space(&answer.stress.plane()),
+                controlled.elastic,
+            );
             for place in controlled.places {
                 gradient[*place] = next[IN_SPACE[*place] / 3][IN_SPACE[*place] % 3];
             }
@@ -278,6 +290,25 @@ impl Run<'_> {
         self.last_control = control;
         self.keep(start, gradient);
         self.deliver(answer, control, spent)
+    }
+
+    /// Elastic response of the stresses to the strains at these places, Pa: that of small probes. Where they tell nothing, as in a frame that is
+    /// far from rest and collapses in each of them, uniform strain of all grains takes their place: too stiff, so that steps are short.
+    fn elastic(&mut self, start: &Plane, gradient: &[f64; 4], places: &[usize]) -> Result<Operator, ElementError> {
+        let probed = self.perturbed(start, gradient, places)?;
+        let mut operator = [[0.0; COMPONENTS]; COMPONENTS];
+        let mut targets = [None; COMPONENTS];
+        for (row, place) in places.iter().enumerate() {
+            targets[IN_SPACE[*place]] = Some(0.0);
+            for (column, other) in places.iter().enumerate() {
+                operator[IN_SPACE[*place]][IN_SPACE[*other]] = probed[(row, column)];
+            }
+        }
+        if places.is_empty() || Relaxation::new(&targets).is_sound(&operator) {
+            return Ok(operator);
+        }
+        let uniform = tangent::evaluate(&self.cell.committed_network(), TangentKind::Kruyt);
+        Ok(by_gradient(&uniform.operator, &[[0.0; 3]; 3]))
     }
 
     /// Derivative of the controlled stresses by the free strains, from small probes.
@@ -342,8 +373,18 @@ impl Run<'_> {
             row.fluctuations = Some(displacement_fluctuations(start, self.cell.committed(), &since));
         }
         self.summary.add(&row);
+        // The row tells of its last state.
+        let is_hidden = spent.restless > 0 && !row.flags.contains(TrialFlags::NOT_EQUILIBRATED);
+        self.summary.not_equilibrated += u64::from(is_hidden);
         (self.on_row)(&row)
     }
+}
+
+/// The part of an operator that belongs to these places.
+fn among(places: &[usize], operator: &Operator) -> DMatrix<f64> {
+    DMatrix::from_fn(places.len(), places.len(), |row, column| {
+        operator[IN_SPACE[places[row]]][IN_SPACE[places[column]]]
+    })
 }
 
 /// `F = (I + G) F0`.

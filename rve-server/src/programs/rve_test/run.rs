@@ -8,7 +8,7 @@ use super::row::ElementRow;
 use super::servo::{Miss, Servo};
 use super::step::{Step, raised_level};
 use super::stress_control::StressControl;
-use super::stress_relaxation::Relaxation;
+use super::stress_relaxation::{LARGEST_JUMP, MOST_RELAXED, Relaxation, STEPS_BEFORE_NEAREST, is_out_of_range};
 use super::summary::ElementSummary;
 use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
 use super::work::PathWork;
@@ -28,22 +28,12 @@ use std::path::Path;
 /// Most trials of one increment under stress control.
 const MOST_TRIALS: u32 = 30;
 
-/// Largest difference between a controlled stress and its target that is accepted where the cell snaps across the
-/// target, relative to the mean pressure.
-pub(super) const LARGEST_JUMP: f64 = 0.05;
-
 /// Most times that an increment is halved for the sake of the controlled stresses.
 const MOST_HALVINGS: u32 = 5;
 
 /// Trials of one increment after which, once stresses had to be relaxed in it, its other parts are not searched any more: their stresses are
 /// relaxed at once.
 const MOST_SEARCHED: u32 = 400;
-
-/// Most committed steps of relaxed stresses in one increment.
-pub(super) const MOST_RELAXED: u32 = 600;
-
-/// Steps of a relaxation after which it ends as near to the stresses as a snap may leave the cell.
-pub(super) const STEPS_BEFORE_NEAREST: u32 = 100;
 
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
 /// what `requests` names: a tangent operator alone stands for itself.
@@ -205,6 +195,8 @@ struct Spent {
     dem_steps: u64,
     /// Committed steps of relaxed stresses.
     relaxed: u32,
+    /// Some of them have not come to rest.
+    is_restless: bool,
     /// The nearer side of a snap was kept, at least in a part of the increment.
     has_jumped: bool,
 }
@@ -319,6 +311,9 @@ impl<S: SolverFor> Run<S> {
                 control = control.max(StressControl::Cut);
             }
             self.summary.stress_jumps += u64::from(self.spent.has_jumped);
+            // The row tells of its last state.
+            let is_told = accepted.answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
+            self.summary.not_equilibrated += u64::from(self.spent.is_restless && !is_told);
             if self.spent.relaxed > 0 {
                 self.summary.relaxed_increments += 1;
                 control = control.max(StressControl::Relaxed);
@@ -527,6 +522,7 @@ impl<S: SolverFor> Run<S> {
                 let (miss, tolerance) = nearest.expect("just set");
                 return Err(self.not_reached(&miss, tolerance));
             }
+            self.spent.is_restless |= answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
             let energies = self.cell.trial_energies();
             self.cell.commit().expect("the trial is the latest");
             step.go_on_from(gradient);
@@ -552,8 +548,4 @@ impl<S: SolverFor> Run<S> {
             iterations: self.spent.trials,
         }
     }
-}
-
-pub(super) fn is_out_of_range(reason: &RveError) -> bool {
-    matches!(reason, RveError::TargetTooLarge { .. } | RveError::TargetInverted { .. })
 }

@@ -9,6 +9,17 @@
 
 use super::path::{COMPONENTS, Matrix, Operator, flat, tensor_of};
 use nalgebra::{DMatrix, DVector};
+use protocol::RveError;
+
+/// Most committed steps of relaxed stresses in one increment.
+pub(super) const MOST_RELAXED: u32 = 600;
+
+/// Steps of a relaxation after which it ends as near to the stresses as a snap may leave the cell.
+pub(super) const STEPS_BEFORE_NEAREST: u32 = 100;
+
+/// Largest difference between a controlled stress and its target that is accepted where the cell snaps across the
+/// target, relative to the mean pressure.
+pub(super) const LARGEST_JUMP: f64 = 0.05;
 
 /// Largest change of a strain component in one step, dimensionless.
 const LARGEST_STEP: f64 = 5e-4;
@@ -84,4 +95,9 @@ impl Relaxation {
             0.5 * (operator[unknowns[row]][unknowns[column]] + operator[unknowns[column]][unknowns[row]])
         })
     }
+}
+
+/// Whether a trial was refused for the size of its strain, so that a search cannot go on.
+pub(super) fn is_out_of_range(reason: &RveError) -> bool {
+    matches!(reason, RveError::TargetTooLarge { .. } | RveError::TargetInverted { .. })
 }

@@ -54,7 +54,7 @@ pub use error::SpecimenError;
 pub use fluctuation::less_linear_field;
 pub use profile::{Interface, Layers, ProfileTable};
 pub use removal::{Region, RegionUnit};
-pub use results::{SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary};
+pub use results::{Shown, SpecimenEvent, SpecimenPicture, SpecimenRow, SpecimenStart, SpecimenSummary};
 pub use run::{SpecimenFor, run_specimen, run_specimen_from};
 pub use stage::{AxisTable, ShearTable, Sheared, Stage};
 pub use test_file::SpecimenTest;

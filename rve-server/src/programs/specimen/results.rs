@@ -115,8 +115,15 @@ pub struct SpecimenPicture {
     pub rotations: Vec<[f64; 3]>,
     /// Velocities, m/s.
     pub velocities: Vec<[f64; 3]>,
+}
+
+/// What a run shows at the moment of a row, on request.
+pub trait Shown {
+    /// The grains.
+    fn grains(&self) -> SpecimenPicture;
+
     /// Contacts between the grains, in sorted pair order; forces with their viscous part. Those with walls are not among them.
-    pub contacts: Vec<ContactLine>,
+    fn contacts(&self) -> Vec<ContactLine>;
 }
 
 /// Events of a run in progress.
@@ -138,6 +145,6 @@ pub enum SpecimenEvent<'a> {
     /// The state of the run, from which [`run_specimen_from`](super::run_specimen_from) goes on with the same bits; called as often as
     /// [`Checkpoints`](super::Checkpoints) ask for it, after the row of the same step.
     State(Vec<u8>),
-    /// A row, with a picture of the grains at this moment on request.
-    Row(&'a SpecimenRow, &'a dyn Fn() -> SpecimenPicture),
+    /// A row.
+    Row(&'a SpecimenRow, &'a dyn Shown),
 }

@@ -1,11 +1,22 @@
 //! What a run measures: lengths, stresses, rows of the table, pictures.
 
 use super::assembly::Joinable;
-use super::results::{SpecimenPicture, SpecimenRow};
+use super::results::{Shown, SpecimenPicture, SpecimenRow};
 use super::run::Run;
 use super::stage::{Sheared, Stage};
 use super::wall::Wall;
 use crate::contact::ContactLaw;
+use crate::homogenization::picture::ContactLine;
+
+impl<S: Joinable, C: ContactLaw<S>> Shown for Run<'_, S, C> {
+    fn grains(&self) -> SpecimenPicture {
+        self.picture()
+    }
+
+    fn contacts(&self) -> Vec<ContactLine> {
+        self.dynamics.body.contact_lines()
+    }
+}
 
 impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
     /// Distance of the walls of an axis, or its period, m.
@@ -127,7 +138,6 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
                 })
                 .collect(),
             velocities: grains.iter().map(|grain| spread(grain.velocity.as_ref())).collect(),
-            contacts: self.dynamics.body.contact_lines(),
         }
     }
 }

@@ -314,7 +314,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
                 self.place.row = done * stage.rows / stage.steps;
                 let result = self.row(stage);
                 self.count(stage, &result);
-                asked = first_break(asked, listener(&SpecimenEvent::Row(&result, &|| self.picture())));
+                asked = first_break(asked, listener(&SpecimenEvent::Row(&result, self)));
             }
             balanced |= at_balance;
             let is_last = at_balance || done == stage.steps;
