@@ -60,11 +60,12 @@ fn as_path(text: &str) -> Option<&str> {
 
 /// Whether the first folder of a path is one of the repository that a document can only mean as a path.
 fn top_level(path: &str) -> bool {
-    const FOLDERS: [&str; 21] = [
+    const FOLDERS: [&str; 22] = [
         ".ci",
         "adapters",
         "bench",
         "charts",
+        "claims",
         "deploy",
         "docs",
         "grain-pool",
