@@ -1,6 +1,7 @@
 //! Averages on bars and grids with known weights, and the linear stability of the averaged bar.
 
 use super::*;
+use claims::Claim;
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
@@ -29,8 +30,9 @@ fn weights_of_a_plane_grid() {
     let row: Vec<(usize, f64)> = operator.row(12).collect();
     assert_eq!(row.iter().map(|(number, _)| *number).collect::<Vec<_>>(), [11, 7, 12, 17, 13]);
     let own = row[2].1;
-    assert!((own - 0.551).abs() < 1e-3);
-    assert!((row[0].1 / own - 0.2037).abs() < 1e-4);
+    Claim::of("K-6", "own share of a point of a plane grid").value(own, 0.551).within_absolute(1e-4);
+    let quantity = "weight of a neighbour over that of the point itself, plane grid";
+    Claim::of("K-6", quantity).value(row[0].1 / own, 0.2037).within_absolute(1e-4);
 }
 
 /// K-1, K-3: constants everywhere and linear fields inside are reproduced; a radius below the distance changes nothing.
@@ -40,33 +42,41 @@ fn constants_and_linear_fields_pass_and_short_radii_do_nothing() {
     let operator = NonlocalOperator::new(&points, &[], &settings(2.5, Kernel::Wendland)).unwrap();
     let slope = Matrix3::new(1.0, 2.0, -3.0, 0.5, 4.0, 0.0, 0.3, -0.2, 1.0);
     let constant = vec![slope; points.len()];
-    for average in operator.averaged(&constant, &constant) {
-        assert!((average - slope).amax() < 1e-13);
-    }
+    let averages = operator.averaged(&constant, &constant);
+    let change = averages.iter().map(|average| (average - slope).amax()).max_by(f64::total_cmp).unwrap();
+    Claim::of("K-1", "largest change of a constant field").error(change).within(1e-13);
     let linear: Vec<Matrix3<f64>> =
         points.iter().map(|point| slope * (point[0] - 2.0 * point[1] + 0.1 * point[2])).collect();
     let averages = operator.averaged(&linear, &linear);
     for (number, point) in points.iter().enumerate() {
         if point.iter().all(|value| *value > 2.5 && *value < 4.5) {
-            assert!((averages[number] - linear[number]).amax() < 1e-13 * 50.0);
+            let change = (averages[number] - linear[number]).amax();
+            // Its largest value is 50.
+            Claim::of("K-1", "change of a linear field inside, over its largest value")
+                .error(change / 50.0)
+                .within(1e-13);
         }
     }
     let identity = NonlocalOperator::new(&points, &[], &settings(0.99, Kernel::Bell)).unwrap();
     assert!(identity.is_identity());
-    assert_eq!(identity.averaged(&linear, &linear), linear);
+    let is_unchanged = identity.averaged(&linear, &linear) == linear;
+    Claim::of("K-3", "a field with a radius below the distance of points keeps its bits").holds(is_unchanged);
 }
 
 /// K-2: the second moment of a quadratic field, <x^2> = x^2 + R^2/7, R^2/8, R^2/9 for the bell at R/h = 5.
 #[test]
 fn quadratic_fields_rise_by_the_second_moment() {
     let radius = 5.0;
-    for (counts, expected) in [([21, 1, 1], 7.0), ([15, 15, 1], 8.0), ([13, 13, 13], 9.0)] {
+    for (counts, expected, what) in
+        [([21, 1, 1], 7.0, "on a bar"), ([15, 15, 1], 8.0, "in the plane"), ([13, 13, 13], 9.0, "in space")]
+    {
         let points = grid(counts, 1.0);
         let operator = NonlocalOperator::unchecked(&points, &[], &settings(radius, Kernel::Bell)).unwrap();
         let field: Vec<Matrix3<f64>> = points.iter().map(|point| Matrix3::identity() * point[0] * point[0]).collect();
         let middle = points.len() / 2;
         let rise = operator.averaged(&field, &field)[middle][(0, 0)] - field[middle][(0, 0)];
-        assert!((rise / (radius * radius / expected) - 1.0).abs() < 0.02, "{counts:?}: {rise}");
+        let quantity = format!("second moment of the bell over a grid {what}, R/h = 5");
+        Claim::of("K-2", &quantity).value(rise, radius * radius / expected).within(0.02);
     }
 }
 
@@ -80,13 +90,16 @@ fn only_the_staggered_average_knows_the_numbering() {
     let (now, before) = (field(1.0), field(2.0));
     let reversed = |values: &[Matrix3<f64>]| values.iter().rev().copied().collect::<Vec<_>>();
     let backwards: Vec<[f64; 3]> = points.iter().rev().copied().collect();
-    for (update, same) in [(Update::Synchronous, true), (Update::Staggered, false)] {
+    for (update, same, quantity) in [
+        (Update::Synchronous, true, "synchronous averages with points numbered backwards are the same bits"),
+        (Update::Staggered, false, "staggered averages with points numbered backwards differ"),
+    ] {
         let settings = NonlocalSettings { update, ..settings(1.8, Kernel::Wendland) };
         let forth = NonlocalOperator::new(&points, &[], &settings).unwrap().averaged(&now, &before);
         let back =
             NonlocalOperator::new(&backwards, &[], &settings).unwrap().averaged(&reversed(&now), &reversed(&before));
         let back: Vec<Matrix3<f64>> = reversed(&back);
-        assert_eq!(forth == back, same, "{update:?}: to the bit");
+        Claim::of("K-5", quantity).holds((forth == back) == same);
     }
 }
 
@@ -168,24 +181,31 @@ fn the_bell_is_unstable_on_fine_bars_and_refused() {
     };
     for radius in [1.35, 1.8] {
         let bell = settings(radius, Kernel::Bell);
-        assert!(found(&bell) > 0.0);
+        Claim::of("K-4", "smallest eigenvalue of a bar, bell at R/h = 1.35 and 1.8")
+            .number(found(&bell))
+            .at_least(1e-6);
         assert!(NonlocalOperator::new(&points, &[], &bell).is_ok());
     }
     for (radius, expected) in [(2.0, -0.229), (2.5, -0.226), (2.7, -0.116), (4.0, -0.092), (6.0, -0.047)] {
         let bell = settings(radius, Kernel::Bell);
-        let least = found(&bell);
-        assert!((least - expected).abs() < 0.0006, "R/h = {radius}: {least}");
+        let quantity = "smallest eigenvalue of a bar, bell at R/h = 2 to 6";
+        Claim::of("K-4", quantity).value(found(&bell), expected).within_absolute(0.0006);
         let Err(NonlocalError::Unstable { symbol, remedy_share, .. }) = NonlocalOperator::new(&points, &[], &bell)
         else {
             panic!("R/h = {radius} must be refused");
         };
-        assert!(symbol < 0.0);
+        let quantity = "an unstable bell on a bar is refused, for waves that it turns to their opposite";
+        Claim::of("K-4", quantity).holds(symbol < 0.0);
         let allowed = NonlocalSettings { allow_unstable: true, ..bell.clone() };
         assert!(NonlocalOperator::new(&points, &[], &allowed).is_ok(), "R/h = {radius}");
         let blended = NonlocalSettings { local_share: remedy_share + 0.01, ..bell.clone() };
-        assert!(NonlocalOperator::new(&points, &[], &blended).is_ok() && found(&blended) > 0.0, "R/h = {radius}");
+        assert!(NonlocalOperator::new(&points, &[], &blended).is_ok(), "R/h = {radius}");
+        let quantity = "smallest eigenvalue of a bar, unstable bell with the proposed local share";
+        Claim::of("K-4", quantity).number(found(&blended)).at_least(1e-6);
         let adjoint = NonlocalSettings { adjoint: true, ..bell };
-        assert!(NonlocalOperator::new(&points, &[], &adjoint).is_ok() && found(&adjoint) > -1e-12);
+        assert!(NonlocalOperator::new(&points, &[], &adjoint).is_ok());
+        let quantity = "smallest eigenvalue of a bar, unstable bell in the adjoint form";
+        Claim::of("K-4", quantity).number(found(&adjoint)).at_least(-1e-12);
     }
 }
 
@@ -196,7 +216,8 @@ fn positive_kernels_are_stable_at_every_radius() {
     for radius in [0.5, 1.35, 1.8, 2.0, 2.5, 2.7, 4.0, 6.0, 8.0] {
         for kernel in [Kernel::Wendland, Kernel::Cone] {
             let operator = NonlocalOperator::new(&points, &[], &settings(radius, kernel)).unwrap();
-            assert!(smallest_eigenvalue(&operator) > 0.0, "{} at R/h = {radius}", kernel.keyword());
+            let quantity = "smallest eigenvalue of a bar, Wendland's kernel and cone at R/h = 0.5 to 8";
+            Claim::of("K-4", quantity).number(smallest_eigenvalue(&operator)).at_least(1e-6);
         }
     }
 }
@@ -206,8 +227,9 @@ fn positive_kernels_are_stable_at_every_radius() {
 fn the_limit_of_the_bell_is_lower_in_the_plane() {
     let points = grid([12, 12, 1], 1.0);
     let accepted = |radius| NonlocalOperator::new(&points, &[], &settings(radius, Kernel::Bell)).is_ok();
-    assert!(accepted(1.35));
-    assert!([1.6, 2.0, 2.7, 4.0].into_iter().all(|radius| !accepted(radius)));
+    Claim::of("K-4", "the bell on a plane grid is accepted at R/h = 1.35").holds(accepted(1.35));
+    let is_refused = [1.6, 2.0, 2.7, 4.0].into_iter().all(|radius| !accepted(radius));
+    Claim::of("K-4", "the bell on a plane grid is refused at R/h = 1.6 to 4").holds(is_refused);
     for radius in [1.6, 2.7, 4.0, 6.0] {
         assert!(NonlocalOperator::new(&points, &[], &settings(radius, Kernel::Wendland)).is_ok());
     }

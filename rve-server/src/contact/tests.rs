@@ -3,6 +3,7 @@
 use super::linear::NormalStiffness;
 use super::*;
 use crate::space::Spheres;
+use claims::Claim;
 
 fn hertz(unloading: TangentialUnloading) -> PlainHertzMindlin {
     PlainHertzMindlin {
@@ -33,15 +34,17 @@ fn hertz_force_slope_and_energy_are_the_closed_forms() {
     let slope = 2.0 * effective_modulus * (effective_radius * overlap).sqrt();
     let tangential = 8.0 * shear / (2.0 * (2.0 - nu)) * (effective_radius * overlap).sqrt();
     let found = ContactLaw::<Spheres>::normal_force(&law, &constants, overlap);
-    assert!((found / -force - 1.0).abs() < 1e-12);
+    Claim::of("C-1", "Hertz force of two spheres").value(found, -force).within(1e-12);
     let [k_n, k_t, _] = ContactLaw::<Spheres>::stiffness(&law, &constants, overlap);
-    assert!((k_n / slope - 1.0).abs() < 1e-12 && (k_t / tangential - 1.0).abs() < 1e-12);
-    assert!((k_t / k_n - 2.0 * (1.0 - nu) / (2.0 - nu)).abs() < 1e-12);
+    Claim::of("C-1", "normal stiffness of two spheres").value(k_n, slope).within(1e-12);
+    Claim::of("C-1", "tangential stiffness of two spheres").value(k_t, tangential).within(1e-12);
+    let ratio = 2.0 * (1.0 - nu) / (2.0 - nu);
+    Claim::of("C-1", "tangential stiffness over the normal one").value(k_t / k_n, ratio).within(1e-12);
     // [Liu2015] eq. 54 with its effective radius, twice the usual one, and a factor square root of 2.
     let printed = 2f64.sqrt() * shear * (2.0 * effective_radius).sqrt() / (1.0 - nu) * overlap.sqrt();
-    assert!((k_n / printed - 1.0).abs() < 1e-12);
+    Claim::of("C-1", "normal stiffness as [Liu2015] prints it").value(k_n, printed).within(1e-12);
     let energy = ContactLaw::<Spheres>::energy(&law, &constants, overlap, 0.0, &[overlap]);
-    assert!((energy / (0.4 * force * overlap) - 1.0).abs() < 1e-12);
+    Claim::of("C-1", "energy of two spheres").value(energy, 0.4 * force * overlap).within(1e-12);
 }
 
 /// A contact of two spheres at rest against turning, moved along prescribed overlaps and slips.
@@ -91,10 +94,6 @@ impl<L: ContactLaw<Spheres>> Cycle<L> {
         self.law.normal_force(&self.constants, overlap)
     }
 
-    fn energy(&self, overlap: f64) -> f64 {
-        self.law.energy(&self.constants, overlap, 0.0, &self.memory)
-    }
-
     fn tangential_stiffness(&self, overlap: f64) -> f64 {
         self.law.stiffness(&self.constants, overlap)[1]
     }
@@ -114,18 +113,20 @@ fn slip_cycle_across_two_overlaps_gains_or_loses_what_the_law_says() {
         cycle.go(high, slip, 50);
         cycle.go(low, 0.0, 50);
         cycle.go(low, -slip, 50);
-        let normal_scale = cycle.energy(high);
         let work = cycle.work;
         match unloading {
             TangentialUnloading::Incremental => {
                 let kept = (stiffness[1] - stiffness[0]) * slip;
-                assert!((cycle.force[1] / kept - 1.0).abs() < 1e-10);
-                assert!((work + expected).abs() < 1e-10 * expected + 1e-14 * normal_scale, "{work:e} {expected:e}");
+                let quantity = "tangential force that is left, incremental law";
+                Claim::of("C-9", quantity).value(cycle.force[1], kept).within(1e-10);
+                Claim::of("C-9", "energy that a cycle gains, incremental law").value(-work, expected).within(1e-10);
             }
             TangentialUnloading::Rescaled => {
-                assert!(cycle.force[1].abs() < 1e-10 * stiffness[1] * slip);
-                assert!((work - expected).abs() < 1e-10 * expected + 1e-14 * normal_scale, "{work:e} {expected:e}");
-                assert!((cycle.dissipation - expected).abs() < 1e-10 * expected);
+                let quantity = "tangential force that is left over the largest, rescaled law";
+                Claim::of("C-9", quantity).error(cycle.force[1] / (stiffness[1] * slip)).within(1e-10);
+                Claim::of("C-9", "energy that a cycle loses, rescaled law").value(work, expected).within(1e-10);
+                let quantity = "energy lost by the ledger, rescaled law";
+                Claim::of("C-9", quantity).value(cycle.dissipation, expected).within(1e-10);
             }
         }
     }
@@ -147,8 +148,11 @@ fn tangential_cycle_of_spheres_loses_what_friction_takes() {
         cycle.go(overlap, -2.0 * amplitude, 80);
         cycle.go(overlap, 2.0 * amplitude, 80);
         let scale = limit * amplitude;
-        assert!((cycle.work - expected).abs() < 1e-10 * scale, "{} {expected}", cycle.work / scale);
-        assert!((cycle.dissipation - expected).abs() < 1e-10 * scale);
+        let regime = if expected > 0.0 { "above" } else { "below" };
+        let quantity = format!("work of a tangential cycle {regime} the Coulomb limit over mu N s, spheres");
+        Claim::of("C-12", &quantity).value(cycle.work / scale, expected / scale).within_absolute(1e-10);
+        let quantity = "loss in a tangential cycle by the ledger over mu N s, spheres";
+        Claim::of("C-12", quantity).value(cycle.dissipation / scale, expected / scale).within_absolute(1e-10);
     }
 }
 

@@ -1,6 +1,7 @@
 //! The worker loop against a toy engine over the in-process transport.
 
 use super::*;
+use claims::Claim;
 use protocol::transport::in_process::{InProcessMacroPort, channel};
 use protocol::transport::{LoadedJob, MacroEvent, MacroPort, WorkerId};
 use protocol::wire::{ReplyStatus, TrialReply};
@@ -206,8 +207,10 @@ fn duplicated_jobs_get_equal_answers() {
     let two = stage.ask_one(TrialJob { attempt: 3, ..repeated }, &first.state);
     let both = stage.ask(&[LoadedJob { job: repeated, state: b"" }, LoadedJob { job: repeated, state: b"" }]);
     for other in [&two, &both[0], &both[1]] {
-        assert_eq!((one.reply.state, &one.state), (other.reply.state, &other.state));
-        assert_eq!(one.reply.stress, other.reply.stress);
+        let is_same = (one.reply.state, &one.state) == (other.reply.state, &other.state);
+        Claim::of("A-5", "state of a worker's answer to a repeated question").holds(is_same);
+        let is_same = one.reply.stress == other.reply.stress;
+        Claim::of("A-5", "stress of a worker's answer to a repeated question").holds(is_same);
     }
     stage.dismiss();
 }

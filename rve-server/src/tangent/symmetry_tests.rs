@@ -7,6 +7,7 @@ use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::space::Discs;
+use claims::Claim;
 use nalgebra::Matrix4;
 use protocol::TangentKind;
 use std::path::Path;
@@ -40,7 +41,9 @@ fn packing_without_tangential_forces_has_a_symmetric_nominal_operator() {
     let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
     let network = GrainRve::<Discs>::new(&definition).unwrap().committed_network().unwrap();
     let nominal = nominal(&truss_like(&network), &network);
-    assert!(asymmetry(&nominal) < 1e-8, "{:e}", asymmetry(&nominal));
+    Claim::of("T-4", "asymmetry of the operator of nominal stress, 400 discs without tangential forces")
+        .error(asymmetry(&nominal))
+        .within(1e-8);
 }
 
 /// Tangential forces have none; what they take from the symmetry goes with the stress over the stiffness.
@@ -52,10 +55,19 @@ fn asymmetry_goes_with_stress_over_stiffness() {
             let operator = truss_like(&network);
             [asymmetry(&operator), asymmetry(&nominal(&operator, &network))]
         };
-        assert!(of(0.0).iter().all(|value| *value < 1e-12));
+        for unloaded in of(0.0) {
+            Claim::of("T-4", "asymmetry of the operators of networks of discs without stress")
+                .error(unloaded)
+                .within(1e-12);
+        }
         let [strong, weak] = [1e-2, 1e-4].map(of);
-        for (strong, weak) in strong.into_iter().zip(weak) {
-            assert!((strong / weak / 100.0 - 1.0).abs() < 0.1, "seed {seed}: {strong:e} and {weak:e}");
+        for ((name, strong), weak) in ["true", "nominal"].into_iter().zip(strong).zip(weak) {
+            Claim::of(
+                "T-4",
+                &format!("growth of the asymmetry with a hundredfold pressure, operator of {name} stress"),
+            )
+            .value(strong / weak, 100.0)
+            .within(0.1);
             assert!(strong < 0.05, "seed {seed}: {strong:e}");
         }
     }

@@ -4,6 +4,7 @@
 use super::sample_networks::{PlaneOperator, Springs, random, square, stress, triangular};
 use super::*;
 use crate::cell::{ContactNetwork, NetworkContact};
+use claims::Claim;
 use nalgebra::Matrix3;
 use protocol::{TangentKind, Tensor4};
 
@@ -31,6 +32,23 @@ fn cubic(uniaxial: f64, lateral: f64, shear: f64) -> PlaneOperator {
     [[uniaxial, 0.0, 0.0, lateral], [0.0, shear, shear, 0.0], [0.0, shear, shear, 0.0], [lateral, 0.0, 0.0, uniaxial]]
 }
 
+/// States that an operator over the normal stiffness is the expected one, component by component.
+fn claim_components(entry: &str, normal: f64, operator: &PlaneOperator, expected: &PlaneOperator) {
+    for row in 0..4 {
+        for column in 0..4 {
+            let name = match (row, column) {
+                (0, 0) | (3, 3) => "C1111 and C2222",
+                (0, 3) | (3, 0) => "C1122 and C2211",
+                (1 | 2, 1 | 2) => "C1212, C1221, C2112 and C2121",
+                _ => "components that vanish by symmetry",
+            };
+            Claim::of(entry, &format!("{name} of the network of contacts, over the normal stiffness"))
+                .value(operator[row][column] / normal, expected[row][column] / normal)
+                .within_absolute(1e-10);
+        }
+    }
+}
+
 fn triangular_operator(springs: Springs, spacing: f64) -> PlaneOperator {
     let (normal, tangential) = (springs.normal, springs.tangential);
     let pressure = -SQRT_3 * springs.normal_force / spacing;
@@ -47,13 +65,14 @@ fn triangular_lattice_has_its_closed_form_moduli_with_and_without_pressure() {
     let loaded = Springs { normal_force: -0.02, ..unloaded };
     assert!((triangular_operator(unloaded, 1.0)[0][0] - 1.515_544).abs() < 1e-6);
     assert!((triangular_operator(loaded, 1.0)[1][2] - 0.623_538).abs() < 1e-6);
-    for springs in [unloaded, loaded, Springs { normal: 3e8, tangential: 1e8, normal_force: -40.0 }] {
+    let stiff = Springs { normal: 3e8, tangential: 1e8, normal_force: -40.0 };
+    for (entry, springs) in [("D-1", unloaded), ("D-6", loaded), ("D-6", stiff)] {
         for (counts, angle) in [([1, 1], 0.0), ([1, 1], 0.7), ([2, 1], 0.0), ([2, 2], 0.3), ([5, 4], 0.0)] {
             for spacing in [1.0, 0.013] {
                 let force = Springs { normal_force: springs.normal_force * spacing, ..springs };
                 let network = triangular(spacing, angle, counts, force);
-                let error = distance(&truss_like(&network), &triangular_operator(force, spacing));
-                assert!(error < 1e-10, "counts {counts:?}, angle {angle}: {error:.2e}");
+                let expected = triangular_operator(force, spacing);
+                claim_components(entry, springs.normal, &truss_like(&network), &expected);
             }
         }
     }
@@ -63,8 +82,8 @@ fn triangular_lattice_has_its_closed_form_moduli_with_and_without_pressure() {
 fn square_lattice_has_its_closed_form_moduli() {
     let springs = Springs { normal: 2.0, tangential: 0.6, normal_force: 0.0 };
     for counts in [[1, 1], [3, 3], [4, 3]] {
-        let error = distance(&truss_like(&square(0.3, counts, springs)), &cubic(2.0, 0.0, 0.3));
-        assert!(error < 1e-10, "counts {counts:?}: {error:.2e}");
+        let operator = truss_like(&square(0.3, counts, springs));
+        claim_components("D-2", springs.normal, &operator, &cubic(2.0, 0.0, 0.3));
     }
 }
 
@@ -75,7 +94,9 @@ fn square_lattice_with_blocked_rotations_is_as_objective_as_any() {
         let mut network = square(1.0, counts, springs);
         network.rotations_free = false;
         // Blocked grains turn with the cell, so that one family shears each way.
-        assert!(distance(&truss_like(&network), &cubic(2.0, 0.0, 0.3)) < 1e-10);
+        Claim::of("D-2", "largest error of a component with blocked rotations, over C1111")
+            .error(distance(&truss_like(&network), &cubic(2.0, 0.0, 0.3)))
+            .within(1e-10);
     }
 }
 
@@ -84,7 +105,9 @@ fn uniform_strain_operator_is_exact_on_lattices_where_affine_motion_is() {
     let springs = Springs { normal: 1.0, tangential: 0.5, normal_force: 0.0 };
     let network = triangular(0.2, 0.4, [3, 2], springs);
     let outcome = evaluate(&network, TangentKind::Kruyt);
-    assert!(distance(&outcome.operator.plane(), &triangular_operator(springs, 0.2)) < 1e-12);
+    Claim::of("D-1", "largest error of a component by uniform strain, over C1111")
+        .error(distance(&outcome.operator.plane(), &triangular_operator(springs, 0.2)))
+        .within(1e-12);
     assert!(!outcome.fallback);
 }
 
@@ -99,11 +122,14 @@ fn superposed_rotation_turns_the_stress_and_stress_stays_symmetric() {
         let turned = [-s21 - s12, s11 - s22, s11 - s22, s12 + s21];
         for row in 0..4 {
             let error = (operator[row][2] - operator[row][1] - turned[row]).abs() / scale;
-            assert!(error < 1e-12, "seed {seed}, row {row}: {error:.2e}");
+            Claim::of("T-2", "C_ij21 - C_ij12 against the turned stress over C1111, relaxed networks of discs")
+                .error(error)
+                .within(1e-12);
         }
-        for (column, (upper, lower)) in operator[1].iter().zip(&operator[2]).enumerate() {
-            let error = (upper - lower).abs() / scale;
-            assert!(error < 1e-12, "seed {seed}, column {column}: {error:.2e}");
+        for (upper, lower) in operator[1].iter().zip(&operator[2]) {
+            Claim::of("T-3", "C_12kl against C_21kl over C1111, relaxed networks of discs")
+                .error((upper - lower).abs() / scale)
+                .within(1e-12);
         }
     }
 }
@@ -117,7 +143,9 @@ fn uniform_strain_is_never_softer_than_the_relaxed_network() {
             let relaxed = strain_form(&truss_like(&network));
             let uniform = strain_form(&kruyt(&network));
             let softest = (uniform - relaxed).symmetric_eigenvalues().min();
-            assert!(softest >= -1e-9, "seed {seed}: {softest:.2e}");
+            Claim::of("T-5", "least eigenvalue of uniform strain minus relaxed, discs, mean normal stiffness of 1")
+                .number(softest)
+                .at_least(-1e-9);
             assert!((uniform - relaxed).norm() > 1e-3 * uniform.norm(), "the networks do relax");
             assert!((relaxed - relaxed.transpose()).norm() < 1e-12 * uniform.norm());
         }
@@ -282,9 +310,12 @@ fn augmented_uniform_strain_is_objective_and_the_printed_one_is_not_symmetric() 
         let network = random(seed, 0.01);
         let [objective, printed] = [TangentKind::KruytAugmented, TangentKind::KruytAugmentedPrinted]
             .map(|kind| evaluate(&network, kind).operator.plane());
-        assert!(objectivity_error(&objective, &network) < 1e-12);
-        assert!(objectivity_error(&printed, &network) < 1e-12);
-        assert_eq!(objective[1], objective[2]);
+        for (name, operator) in [("", &objective), (" as printed", &printed)] {
+            Claim::of("T-2", &format!("C_ij21 - C_ij12 against the turned stress, augmented uniform strain{name}"))
+                .error(objectivity_error(operator, &network))
+                .within(1e-12);
+        }
+        Claim::of("T-3", "C_12kl equals C_21kl, augmented uniform strain, bits").holds(objective[1] == objective[2]);
         assert_ne!(printed[1], printed[2]);
         // Without prestress it is UKO.
         let unloaded = random(seed, 0.0);
@@ -311,8 +342,13 @@ fn uniform_strain_moduli_of_isotropic_contacts_are_the_closed_form() {
     let sum = f64::from(count) / (network.volume());
     let (bulk, shear) = (sum * normal / 4.0, sum * (normal + tangential) / 8.0);
     let operator = kruyt(&network);
-    assert!((0.5 * (operator[0][0] + operator[0][3]) - bulk).abs() < 1e-12 * bulk);
-    assert!((operator[1][1] - shear).abs() < 1e-12 * shear);
+    for (name, found, expected) in
+        [("bulk", 0.5 * (operator[0][0] + operator[0][3]), bulk), ("shear", operator[1][1], shear)]
+    {
+        Claim::of("T-6", &format!("uniform-strain {name} modulus of contacts in 12 even directions of the plane"))
+            .value(found, expected)
+            .within(1e-12);
+    }
     // The printed form agrees on stretches, shears one contact family twice as hard and feels rotations.
     let printed = evaluate(&network, TangentKind::KruytPrinted).operator.plane();
     assert!((printed[0][0] - operator[0][0]).abs() + (printed[0][3] - operator[0][3]).abs() < 1e-12);

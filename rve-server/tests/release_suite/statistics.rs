@@ -1,6 +1,7 @@
 //! Strength of ensembles of packings.
 
 use super::{made, recipe};
+use claims::Claim;
 use protocol::TangentKind;
 use rve_server::definition::PackingFile;
 use rve_server::preparation::PackingRecipe;
@@ -91,7 +92,12 @@ fn strength_of_the_published_material_is_that_of_an_independent_code() {
             packings.iter().map(|packing| biaxial(packing, &contact, 1.5e5, (0.12, 60), CLOSE)).collect();
         let solid = mean(all.iter().map(|rows| 1.0 / (1.0 + rows[0].void_ratio)));
         let contacts = mean(all.iter().map(|rows| rows[0].coordination_number));
-        assert!((solid - 0.858).abs() < 3e-3 && (contacts - 4.32).abs() < 0.1, "{solid} {contacts}");
+        Claim::of("G-10", "solid fraction before shear, mean of eight samples")
+            .value(solid, 0.858)
+            .within_absolute(3e-3);
+        Claim::of("G-10", "contacts per grain before shear, mean of eight samples")
+            .value(contacts, 4.32)
+            .within_absolute(0.1);
         let peaks: Vec<f64> = all.iter().map(|rows| rows.iter().map(strength).fold(0.0, f64::max)).collect();
         let (found, scatter) = (mean(peaks.iter().copied()), deviation(&peaks));
         let bound = 2.0 * scatter * SAMPLES.map(|samples| 1.0 / samples as f64).iter().sum::<f64>().sqrt();
@@ -100,7 +106,9 @@ fn strength_of_the_published_material_is_that_of_an_independent_code() {
             "  {name}: solid fraction {solid:.4}, {contacts:.3} contacts; peak {found:.4} (s.d. {scatter:.4}), expected {expected} +- \
              {bound:.4}; change of area at 3 % {compaction:.4}"
         );
-        assert!((found - expected).abs() < bound, "{name}: {peaks:?}");
+        Claim::of("G-10", &format!("peak stress ratio, {name}, two standard errors of the difference of means"))
+            .value(found, expected)
+            .within_absolute(bound);
     }
 }
 
@@ -146,10 +154,14 @@ fn dense_and_loose_packings_reach_one_critical_state() {
         );
         states.push(state);
     }
-    for place in 0..3 {
-        assert!((states[0][place] / states[1][place] - 1.0).abs() < 0.05, "{states:?}");
+    for (place, name) in ["stress ratio", "void ratio", "contacts per load-carrying grain"].iter().enumerate() {
+        Claim::of("G-8", &format!("{name} at 20 to 25 % strain, two dense samples against two loose ones"))
+            .value(states[0][place], states[1][place])
+            .within(0.05);
     }
-    assert!((states[1][3] / states[1][0] - 1.0).abs() < 0.1, "{states:?}");
+    Claim::of("G-9", "stress ratio over dilatancy at 5 to 15 % strain against the critical state, two loose samples")
+        .value(states[1][3], states[1][0])
+        .within(0.1);
 }
 
 /// G-11: small cells scatter: the spread of the strength falls at least with the root of the number of grains.
@@ -182,5 +194,7 @@ fn strength_scatters_less_in_larger_cells() {
     let slope = (spreads[1] / spreads[0]).ln() / 4f64.ln();
     eprintln!("  s.d. goes with the number of grains to the power of {slope:.2}");
     // Four times the grains should scatter half; eight samples know a deviation to a quarter of itself.
-    assert!(slope < -0.25, "{spreads:?}");
+    Claim::of("G-11", "exponent of the scatter of the strength over the number of grains, 50 and 200 discs")
+        .number(slope)
+        .at_most(-0.25);
 }

@@ -1,6 +1,7 @@
 //! The engine keeps its contract: trials are pure, states are complete, bad targets are refused.
 
 use crate::samples::{hundred_discs, trial};
+use claims::Claim;
 use protocol::{
     Observables, RveEngine, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult,
 };
@@ -43,8 +44,8 @@ fn trial_rollback_trial_gives_the_same_bits() {
     let again = timeless(cell.trial(&Tensor2::from_plane(FIRST), &options).unwrap());
     let mut state_again = Vec::new();
     cell.snapshot_trial(&mut state_again).unwrap();
-    assert_eq!(first, again);
-    assert_eq!(state, state_again);
+    Claim::of("A-3", "answer of the first target, asked again after another").holds(first == again);
+    Claim::of("A-3", "trial state of the first target, asked again after another").holds(state == state_again);
 }
 
 /// a state that went through bytes, in another solver, continues to the same bits.
@@ -63,8 +64,9 @@ fn restored_state_continues_as_if_never_stored() {
     restored.restore(&bytes).unwrap();
     let mut bytes_again = Vec::new();
     restored.snapshot(&mut bytes_again);
-    assert_eq!(bytes, bytes_again);
-    assert_eq!(timeless(restored.trial(&Tensor2::from_plane(SECOND), &options).unwrap()), expected);
+    Claim::of("A-4", "bytes of a state that was restored and saved again").holds(bytes == bytes_again);
+    let found = timeless(restored.trial(&Tensor2::from_plane(SECOND), &options).unwrap());
+    Claim::of("A-4", "next answer of a state that was restored in another solver").holds(found == expected);
     assert!(bytes.len() < 12_000, "a state of 100 discs takes {} bytes", bytes.len());
 }
 
@@ -74,16 +76,21 @@ fn bad_targets_are_refused_and_leave_the_state_alone() {
     let mut cell = cell();
     let before = cell.committed().clone();
     let mut refused = |h: [[f64; 2]; 2]| cell.trial(&Tensor2::from_plane(h), &TrialOptions::default()).unwrap_err();
-    assert_eq!(refused([[f64::NAN, 0.0], [0.0, 0.0]]), RveError::TargetNotFinite);
-    assert_eq!(refused([[0.0, f64::INFINITY], [0.0, 0.0]]), RveError::TargetNotFinite);
-    assert!(matches!(refused([[-1.0, 0.0], [0.0, 0.1]]), RveError::TargetInverted { .. }));
-    assert!(matches!(refused([[-2.5, 0.0], [0.0, 0.1]]), RveError::TargetInverted { .. }));
-    assert!(matches!(refused([[0.3, 0.0], [0.0, 0.0]]), RveError::TargetTooLarge { .. }));
+    for target in [[[f64::NAN, 0.0], [0.0, 0.0]], [[0.0, f64::INFINITY], [0.0, 0.0]]] {
+        let is_refused = refused(target) == RveError::TargetNotFinite;
+        Claim::of("A-6", "targets that are not finite are refused by their error").holds(is_refused);
+    }
+    for target in [[[-1.0, 0.0], [0.0, 0.1]], [[-2.5, 0.0], [0.0, 0.1]]] {
+        let is_refused = matches!(refused(target), RveError::TargetInverted { .. });
+        Claim::of("A-6", "targets that invert the cell are refused by their error").holds(is_refused);
+    }
+    let is_refused = matches!(refused([[0.3, 0.0], [0.0, 0.0]]), RveError::TargetTooLarge { .. });
+    Claim::of("A-6", "targets that are too large are refused by their error").holds(is_refused);
     let mut out_of_plane = Tensor2::ZERO;
     out_of_plane.0[8] = 0.01;
     assert!(matches!(cell.trial(&out_of_plane, &TrialOptions::default()), Err(RveError::Unsupported(_))));
     assert_eq!(cell.commit(), Err(RveError::NothingToCommit));
-    assert_eq!(*cell.committed(), before);
+    Claim::of("A-6", "committed state after the refusals, bits").holds(*cell.committed() == before);
 }
 
 /// a null target returns the committed stress, and says that nothing was solved.
@@ -92,14 +99,15 @@ fn null_target_returns_the_committed_stress() {
     let mut cell = cell();
     let given = cell.observe(Observables::NONE).unwrap().stress;
     let answer = trial(&mut cell, &[[0.0; 2]; 2]);
-    assert_eq!(answer.stress, given);
+    Claim::of("A-7", "stress of a cell as it was given, zero target, bits").holds(answer.stress == given);
     assert!(answer.flags.contains(TrialFlags::SKIPPED_NULL_TARGET));
 
     let reached = trial(&mut cell, &FIRST).stress;
     cell.commit().unwrap();
     let stayed = trial(&mut cell, &[[0.0; 2]; 2]).stress;
     for (found, expected) in stayed.0.iter().zip(reached.0) {
-        assert!((found - expected).abs() <= 1e-10 * 1e5, "{found} against {expected}");
+        let error = (found - expected).abs() / 1e5;
+        Claim::of("A-7", "stress after a zero target, of the pressure").error(error).within(1e-10);
     }
     let before = cell.committed().clone();
     cell.commit().unwrap();

@@ -1,5 +1,6 @@
 //! Spheres with dashpots thrown at planes and at each other in a specimen: published collision benchmarks with a restitution.
 
+use claims::Claim;
 use rve_server::contact::{HertzSprings, PlainHertzMindlin, TangentialUnloading};
 use rve_server::programs::specimen::{Body, Dynamics, Grain, Motion, Wall, WallDrive};
 use rve_server::space::Spheres;
@@ -8,6 +9,9 @@ type Impact = Dynamics<Spheres, PlainHertzMindlin>;
 
 /// Steps in the elastic time of contact.
 const STEPS: f64 = 2000.0;
+
+/// What both parts of C-10 state.
+const RESTITUTION: &str = "restitution of the normal speed, spinning spheres with damping";
 
 fn law(young: f64, nu: f64, friction: f64, unloading: TangentialUnloading) -> PlainHertzMindlin {
     let springs = HertzSprings { shear_modulus: young / (2.0 * (1.0 + nu)), poisson_ratio: nu };
@@ -89,21 +93,27 @@ fn oblique_impacts_with_a_restitution_stick_and_slide_as_published() {
         (60.0, 0.8948, 355.2, 48.16),
         (80.0, 0.9679, 123.4, 78.98),
     ];
-    for (cases, tolerance) in [(&sticking[..], 1e-2), (&sliding[..], 1e-3)] {
+    for (kind, cases, tolerance) in [("sticking", &sticking[..], 1e-2), ("sliding", &sliding[..], 1e-3)] {
         for &(degrees, tangential, spin, out) in cases {
             let (sine, cosine) = f64::to_radians(degrees).sin_cos();
             let (v_n, v_t) = (0.039 * cosine, 0.039 * sine);
             let material = (380e9, 0.23, friction, TangentialUnloading::Incremental);
             let impact = on_plane(material, (radius, 4000.0), damping, [v_n, v_t, 0.0]);
             let grain = impact.body.grains[0];
-            assert!((grain.velocity[1] / v_n - restitution).abs() < 1e-3, "restitution {}", grain.velocity[1] / v_n);
+            let claim = Claim::of("C-7", "restitution of the normal speed, oblique impacts with damping");
+            claim.value(grain.velocity[1] / v_n, restitution).within_absolute(1e-3);
             let left = grain.velocity[0] / v_t;
             let turning = -grain.spin[2];
             let surface = (grain.velocity[0] - turning * radius) / grain.velocity[1];
             let found = surface.atan().to_degrees();
-            assert!((left - tangential).abs() < tolerance, "{degrees}: {left} of the speed is left");
-            assert!((100.0 * turning / spin - 1.0).abs() < 2.0 * tolerance, "{degrees}: spin {}", 100.0 * turning);
-            assert!((found - out).abs() < 60.0 * tolerance, "{degrees}: leaves at {found} degrees, not {out}");
+            let quantity = format!("share of the tangential speed that is left, {kind}, with damping");
+            Claim::of("C-7", &quantity).value(left, tangential).within_absolute(tolerance);
+            let quantity = format!("spin at 3.9 m/s, {kind}, with damping, rad/s");
+            let claim = Claim::of("C-7", &quantity).value(100.0 * turning, spin);
+            claim.missed_up_to(2.0 * tolerance).within(tolerance);
+            // The tolerance in radians, and a twentieth for the digits of the table.
+            let quantity = format!("angle of the contact point on the way out, {kind}, with damping, degrees");
+            Claim::of("C-7", &quantity).value(found, out).within_absolute(60.0 * tolerance);
         }
     }
 }
@@ -152,13 +162,17 @@ fn spinning_spheres_with_a_restitution_slide_as_published() {
         let impact = on_plane(material, (radius, density), damping, [v_n, 0.0, spin]);
         let grain = impact.body.grains[0];
         let restitution = grain.velocity[1] / v_n;
-        assert!((restitution - 0.5).abs() < 1e-3, "{restitution}");
+        Claim::of("C-10", RESTITUTION).value(restitution, 0.5).within_absolute(1e-3);
         let impulse = friction * (1.0 + restitution) * v_n * f64::signum(spin);
         let [along, left] = point_contact((70e9, 0.33, friction), (radius, density), damping, [v_n, spin]);
-        assert!((grain.velocity[0] / along - 1.0).abs() < 1e-3, "spin {spin}: {:?}, not {along}", grain.velocity);
-        assert!((grain.spin[2] / left - 1.0).abs() < 1e-3, "spin {spin}: {} instead of {left}", grain.spin[2]);
-        let closed_form = if spin.abs() > 20.0 { 5e-3 } else { 2.5e-2 };
-        assert!((grain.velocity[0] / -impulse - 1.0).abs() < closed_form, "spin {spin}: {:?}", grain.velocity);
+        let quantity = "tangential speed after a plane, restitution 0.5, independent integration, m/s";
+        Claim::of("C-10", quantity).value(grain.velocity[0], along).within(1e-3);
+        let quantity = "spin after a plane, restitution 0.5, independent integration, rad/s";
+        Claim::of("C-10", quantity).value(grain.spin[2], left).within(1e-3);
+        let (speed, closed_form) = if spin.abs() > 20.0 { ("fast", 5e-3) } else { ("slow", 2.5e-2) };
+        let quantity = format!("tangential speed after a plane, restitution 0.5, closed form, {speed} spins, m/s");
+        let claim = Claim::of("C-10", &quantity).value(grain.velocity[0], -impulse);
+        claim.missed_up_to(closed_form).within(1e-3);
     }
     let (law, mass) = (law(70e9, 0.33, friction, TangentialUnloading::Rescaled), mass(radius, density));
     let step = contact_time(0.5 * mass, 0.5 * radius, 0.5 * 70e9 / (1.0 - 0.33 * 0.33), 2.0 * v_n) / STEPS;
@@ -173,9 +187,15 @@ fn spinning_spheres_with_a_restitution_slide_as_published() {
         let impact = collide(Dynamics::new(body, Vec::new(), motion(step)));
         let [one, two] = [0, 1].map(|grain: usize| impact.body.grains[grain].velocity);
         let restitution = two[0] / v_n;
-        assert!((restitution - 0.5).abs() < 1e-3, "{restitution}");
+        Claim::of("C-10", RESTITUTION).value(restitution, 0.5).within_absolute(1e-3);
         assert!((one[1] + two[1]).abs() < 1e-12, "{one:?} {two:?}");
-        let expected = if slides { friction * (1.0 + restitution) * v_n } else { 0.0 };
-        assert!((one[1].abs() - expected).abs() < 1.5e-2 * expected + 1e-12, "{one:?} instead of {expected}");
+        if slides {
+            let quantity = "tangential speed of two spheres with equal spins, restitution 0.5, m/s";
+            let claim = Claim::of("C-10", quantity).value(one[1].abs(), friction * (1.0 + restitution) * v_n);
+            claim.missed_up_to(1.5e-2).within(1e-3);
+        } else {
+            let quantity = "tangential speed of two spheres with opposite spins, restitution 0.5, m/s";
+            Claim::of("C-10", quantity).value(one[1], 0.0).within_absolute(1e-12);
+        }
     }
 }

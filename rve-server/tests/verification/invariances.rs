@@ -1,6 +1,7 @@
 //! What must not matter does not matter, and what must balance balances, on a random packing.
 
 use crate::samples::{border_stress, hundred_discs, packing, perturbed_operator, tight, trial};
+use claims::Claim;
 use protocol::{Observables, Observed, RveSolver, Tensor2, TrialOptions};
 use rve_server::cell::{ContactNetwork, NetworkContact};
 use rve_server::definition::{GrainDefinition, RveOptions};
@@ -35,7 +36,9 @@ fn superposed_rotation_turns_the_stress() {
         let rotation = plane::rotation(f64::to_radians(degrees));
         let h = plane::add_scaled(&plane::product(&rotation, &stretch), -1.0, &IDENTITY);
         let error = difference(&stress_after(&definition, &h), &plane::rotated(&plain, &rotation));
-        assert!(error < 1e-8, "{degrees} degrees: {error:e}");
+        Claim::of("E-1", "stress of 100 discs, rotated by 1 to 90 degrees at once, over the pressure")
+            .error(error)
+            .within(1e-8);
     }
 }
 
@@ -57,7 +60,9 @@ fn rotation_driven_in_steps_turns_the_stress() {
         turning.commit().unwrap();
     }
     let error = difference(&turned, &plane::rotated(&plain, &plane::rotation(f64::to_radians(90.0))));
-    assert!(error < 1e-4, "{error:e}");
+    Claim::of("E-1", "stress of 100 discs, rotated by 90 degrees in 100 steps, over the pressure")
+        .error(error)
+        .within(1e-4);
 }
 
 /// Networks at the start and the end of one increment.
@@ -96,7 +101,9 @@ fn contact_work_is_stress_work() {
     let f = plane::add_scaled(&IDENTITY, 1.0, &h);
     let (p0, p1) = (before.stress(), first_piola(&after.stress(), &f));
     let stress_work: f64 = (0..4).map(|k| 0.5 * (p0[k / 2][k % 2] + p1[k / 2][k % 2]) * h[k / 2][k % 2]).sum();
-    assert!((contact_work / stress_work - 1.0).abs() < 1e-3, "{contact_work} against {stress_work}");
+    Claim::of("E-2", "work of the contacts against work of the stress, 100 discs, J / m3")
+        .value(contact_work, stress_work)
+        .within(1e-3);
 }
 
 /// E-3 and E-4: three forms of the stress agree, and it is symmetric, up to the forces out of balance.
@@ -107,9 +114,14 @@ fn forms_of_the_stress_agree_to_the_unbalanced_forces() {
         let (_, network) = before_and_after(&STRAIN, options);
         let stress = network.stress();
         let crossing = difference(&stress, &border_stress(&network));
-        assert!(crossing <= 10.0 * tolerance, "border form: {crossing:e} at tolerance {tolerance:e}");
+        Claim::of("E-3", "stress across the border, 100 discs: difference over the tolerance of the balance")
+            .error(crossing / tolerance)
+            .missed_up_to(10.0)
+            .within(1.0);
         let skew = (stress[0][1] - stress[1][0]).abs() / PRESSURE;
-        assert!(skew <= tolerance, "skew part: {skew:e} at tolerance {tolerance:e}");
+        Claim::of("E-4", "skew part of the stress of 100 discs over the tolerance of the balance")
+            .error(skew / tolerance)
+            .within(1.0);
         // The forces across the border times the cell vectors before the strain, over the volume then, are P.
         let before = packing("discs-100.json").periodicity;
         let mut piola = [[0.0; 2]; 2];
@@ -122,7 +134,13 @@ fn forms_of_the_stress_agree_to_the_unbalanced_forces() {
         }
         let f = plane::add_scaled(&IDENTITY, 1.0, &STRAIN);
         let reference = difference(&piola, &first_piola(&stress, &f));
-        assert!(reference <= 10.0 * tolerance, "boundary form: {reference:e} at tolerance {tolerance:e}");
+        Claim::of(
+            "E-3",
+            "first Piola stress from the border, 100 discs: difference over the tolerance of the balance",
+        )
+        .error(reference / tolerance)
+        .missed_up_to(10.0)
+        .within(1.0);
     }
 }
 
@@ -153,7 +171,9 @@ fn basis_origin_and_numbering_do_not_matter() {
     }
     for (name, changed) in [("basis", basis), ("origin", origin), ("numbering", numbers)] {
         let error = difference(&stress_after(&changed, &h), &expected);
-        assert!(error < 1e-9, "{name}: {error:e}");
+        Claim::of("E-5", &format!("stress of 100 discs with another {name}, over the pressure"))
+            .error(error)
+            .within(1e-9);
     }
 }
 
@@ -189,7 +209,9 @@ fn energy_is_accounted_for() {
     let damped = work - (stored - stored_before) - lost;
     assert!(lost > 0.1 * work, "friction took {lost} of {work}");
     // Measured 7e-4, the error of the trapezoidal work integral over increments of 2e-4.
-    assert!(damped.abs() < 1e-3 * work, "{damped} of {work} is unaccounted for");
+    Claim::of("B-7", "work not stored or lost to friction, over the work, shear of 100 discs to 0.4 %")
+        .error(damped / work)
+        .within(1e-3);
 }
 
 /// T-1: with friction that never yields, the network tangent is the derivative of the trial.
@@ -212,7 +234,7 @@ fn network_tangent_is_the_derivative_of_the_trial() {
             worst = worst.max((value - probe).abs() / scale);
         }
     }
-    assert!(worst < 1e-4, "largest deviation {worst:e}");
+    Claim::of("T-1", "largest error of a component over the largest component, 100 discs").error(worst).within(1e-4);
 }
 
 /// The work of damping that an answer has is what the steps of the grains add up to, though only the work on the cell is summed up for it:

@@ -1,6 +1,7 @@
 //! Crystals with one grain per cell: every contact is with an image of the same grain, and all answers are closed forms.
 
 use crate::samples::{SQUARE, TRIANGULAR, assert_close, lattice, perturbed_operator, trial};
+use claims::Claim;
 use protocol::{RveSolver, TangentKind, Tensor2, TrialOptions};
 use rve_server::contact::{ContactTable, Rotations};
 use rve_server::engine::GrainRve;
@@ -17,24 +18,26 @@ fn sticking() -> ContactTable {
 /// C1212 = C1221.
 #[test]
 fn triangular_lattice_has_its_moduli_with_and_without_pressure() {
-    for overlap in [1e-6, 0.02] {
+    for (entry, overlap) in [("D-1", 1e-6), ("D-6", 0.02)] {
         let mut cell = GrainRve::new(&lattice(TRIANGULAR, overlap, sticking())).unwrap();
         let pressure = -cell.observe(protocol::Observables::NONE).unwrap().stress.get(0, 0);
         assert_close(pressure, 3f64.sqrt() * NORMAL * overlap / (1.0 - overlap), 1e-12, "pressure");
         let operator = perturbed_operator(&mut cell, (overlap * 1e-2).min(1e-5));
         let quarter = 3f64.sqrt() / 4.0;
         let expected = [
-            (0, 0, quarter * (3.0 * NORMAL + TANGENTIAL) - 0.25 * pressure),
-            (3, 3, quarter * (3.0 * NORMAL + TANGENTIAL) - 0.25 * pressure),
-            (0, 3, quarter * (NORMAL - TANGENTIAL) + 1.25 * pressure),
-            (3, 0, quarter * (NORMAL - TANGENTIAL) + 1.25 * pressure),
-            (1, 1, quarter * (NORMAL + TANGENTIAL) - 0.75 * pressure),
-            (1, 2, quarter * (NORMAL + TANGENTIAL) - 0.75 * pressure),
-            (0, 1, 0.0),
-            (3, 2, 0.0),
+            (0, 0, "C1111 and C2222", quarter * (3.0 * NORMAL + TANGENTIAL) - 0.25 * pressure),
+            (3, 3, "C1111 and C2222", quarter * (3.0 * NORMAL + TANGENTIAL) - 0.25 * pressure),
+            (0, 3, "C1122 and C2211", quarter * (NORMAL - TANGENTIAL) + 1.25 * pressure),
+            (3, 0, "C1122 and C2211", quarter * (NORMAL - TANGENTIAL) + 1.25 * pressure),
+            (1, 1, "C1212 and C1221", quarter * (NORMAL + TANGENTIAL) - 0.75 * pressure),
+            (1, 2, "C1212 and C1221", quarter * (NORMAL + TANGENTIAL) - 0.75 * pressure),
+            (0, 1, "C1112 and C2221", 0.0),
+            (3, 2, "C1112 and C2221", 0.0),
         ];
-        for (row, column, value) in expected {
-            assert_close(operator[row][column], value, 1e-4, &format!("C[{row}][{column}] at overlap {overlap}"));
+        for (row, column, name, value) in expected {
+            Claim::of(entry, &format!("{name} by differences of stresses, over the normal stiffness"))
+                .value(operator[row][column], value)
+                .within_absolute(1e-4);
         }
     }
 }
@@ -44,10 +47,16 @@ fn triangular_lattice_has_its_moduli_with_and_without_pressure() {
 fn square_lattice_has_its_moduli() {
     let mut cell = GrainRve::new(&lattice(SQUARE, 1e-6, sticking())).unwrap();
     let operator = perturbed_operator(&mut cell, 1e-8);
-    for (row, column, value) in
-        [(0, 0, NORMAL), (3, 3, NORMAL), (0, 3, 0.0), (1, 1, 0.5 * TANGENTIAL), (2, 1, 0.5 * TANGENTIAL)]
-    {
-        assert_close(operator[row][column], value, 1e-4, &format!("C[{row}][{column}]"));
+    for (row, column, name, value) in [
+        (0, 0, "C1111 and C2222", NORMAL),
+        (3, 3, "C1111 and C2222", NORMAL),
+        (0, 3, "C1122", 0.0),
+        (1, 1, "C1212 and C2112", 0.5 * TANGENTIAL),
+        (2, 1, "C1212 and C2112", 0.5 * TANGENTIAL),
+    ] {
+        Claim::of("D-2", &format!("{name} by differences of stresses, over the normal stiffness"))
+            .value(operator[row][column], value)
+            .within_absolute(1e-4);
     }
 }
 
@@ -61,9 +70,14 @@ fn finite_compression_follows_the_closed_form() {
         cell.commit().unwrap();
         spacing *= 0.99;
         let expected = -3f64.sqrt() * NORMAL * (1.0 - spacing) / spacing;
-        assert_close(answer.stress.get(0, 0), expected, 1e-12, "sigma_xx");
-        assert_close(answer.stress.get(1, 1), expected, 1e-12, "sigma_yy");
-        assert_close(answer.stress.get(0, 1), 0.0, 1e-14, "sigma_xy");
+        for axis in 0..2 {
+            Claim::of("D-7", "normal stress of the triangular lattice, compressed by up to 5 %, over k_n")
+                .value(answer.stress.get(axis, axis), expected)
+                .within_absolute(1e-12);
+        }
+        Claim::of("D-7", "shear stress of the triangular lattice, compressed by up to 5 %, over k_n")
+            .value(answer.stress.get(0, 1), 0.0)
+            .within_absolute(1e-14);
     }
 }
 
@@ -77,8 +91,10 @@ fn finite_compression_of_the_square_lattice_follows_the_closed_form() {
         cell.commit().unwrap();
         spacing *= 0.99;
         let expected = -NORMAL * (1.0 - spacing) / spacing;
-        for (i, j, value) in [(0, 0, expected), (1, 1, expected), (0, 1, 0.0)] {
-            assert_close(answer.stress.get(i, j), value, 1e-12, "stress of the square lattice");
+        for (i, j, name, value) in [(0, 0, "normal", expected), (1, 1, "normal", expected), (0, 1, "shear", 0.0)] {
+            Claim::of("D-7", &format!("{name} stress of the square lattice, compressed by up to 5 %, over k_n"))
+                .value(answer.stress.get(i, j), value)
+                .within_absolute(1e-12);
         }
     }
 }
@@ -102,7 +118,9 @@ fn frictional_lattice_softens_along_its_closed_form() {
             let ratio = answer.stress.get(1, 1) / answer.stress.get(0, 0);
             let expected = angle.tan() * (angle + friction.atan()).tan();
             assert_eq!(answer.scalars.coordination_number, 4.0, "two families of contacts at {degrees} degrees");
-            assert_close(ratio / expected, 1.0, 1e-3, &format!("stress ratio, mu {friction}, {degrees} degrees"));
+            Claim::of("D-9", &format!("stress ratio on the softening branch, friction {friction}"))
+                .value(ratio, expected)
+                .within(1e-3);
         }
     }
 }

@@ -1,8 +1,9 @@
 //! What the answer may depend on and how: on the units not at all, on the way not while nothing yields, on the rate of
 //! loading in proportion.
 
-use crate::samples::{assert_close, hundred_discs, tight, trial};
+use crate::samples::{hundred_discs, tight, trial};
 use crate::spheres::{self, Matrix, thousand};
+use claims::Claim;
 use protocol::{RveSolver, Tensor2, TrialOptions};
 use rve_server::definition::{Damping, GrainDefinition, RveOptions};
 use rve_server::engine::GrainRve;
@@ -41,12 +42,17 @@ fn units_do_not_matter_to_discs() {
     let h = [[3e-5, 1e-5], [1e-5, -6e-5]];
     let stress = |definition: &GrainDefinition| trial(&mut GrainRve::new(definition).unwrap(), &h).stress.plane();
     let expected = stress(&plain);
-    for (length, scale, tolerance) in
-        [(1024.0, 0.25, 0.0), (0.125, 4096.0, 0.0), (1e3, 1e-6, 1e-11), (1e-5, 1e3, 1e-11)]
-    {
+    for (length, scale, units, tolerance) in [
+        (1024.0, 0.25, "units in powers of two", 0.0),
+        (0.125, 4096.0, "units in powers of two", 0.0),
+        (1e3, 1e-6, "other units", 1e-11),
+        (1e-5, 1e3, "other units", 1e-11),
+    ] {
         let found = plane::add_scaled(&[[0.0; 2]; 2], 1.0 / scale, &stress(&rescaled(&plain, length, scale)));
         let error = plane::largest_component(&plane::add_scaled(&found, -1.0, &expected)) / PRESSURE;
-        assert!(error <= tolerance, "lengths x {length}, stresses x {scale}: {error:e}");
+        Claim::of("E-6", &format!("stress of 100 discs in {units}, over the pressure"))
+            .error(error)
+            .within(tolerance);
     }
 }
 
@@ -57,10 +63,14 @@ fn units_do_not_matter_to_spheres() {
     plain.packing.contacts.clear();
     let stress = |definition: &GrainDefinition<_>| spheres::stress_after(definition, &scaled(&spheres::STRAIN, 0.3));
     let expected = stress(&plain);
-    for (length, scale, tolerance) in [(1024.0, 0.25, 0.0), (1e-4, 1e5, 1e-12)] {
+    for (length, scale, units, tolerance) in
+        [(1024.0, 0.25, "units in powers of two", 0.0), (1e-4, 1e5, "other units", 1e-12)]
+    {
         let found = scaled(&stress(&rescaled(&plain, length, scale)), 1.0 / scale);
         let error = largest_component(&add_scaled(&found, -1.0, &expected));
-        assert!(error <= tolerance, "lengths x {length}, stresses x {scale}: {error:e}");
+        Claim::of("E-6", &format!("stress of 1000 spheres in {units}, over the pressure"))
+            .error(error)
+            .within(tolerance);
     }
 }
 
@@ -98,7 +108,7 @@ fn closed_ways_lead_back_to_the_stress() {
     let end = ends[3];
     assert!(ends.iter().all(|other| other.1 == start.1), "a contact was gained or lost on the way");
     let error = plane::largest_component(&plane::add_scaled(&end.0, -1.0, &start.0)) / PRESSURE;
-    assert!(error < 1e-6, "discs: {error:e}");
+    Claim::of("E-7", "stress of 100 discs at the end of a closed path, over the pressure").error(error).within(1e-6);
 
     let mut spheres = thousand(RveOptions { strain_per_step: Some(1e-6), tolerance: Some(1e-9), ..options });
     spheres.contact.friction = 1e9;
@@ -115,7 +125,9 @@ fn closed_ways_lead_back_to_the_stress() {
     let ends: Vec<_> = way.iter().map(&mut go).collect();
     assert!(ends.iter().all(|other| other.1 == start.1), "a contact was gained or lost on the way");
     let error = largest_component(&add_scaled(&ends[3].0, -1.0, &start.0));
-    assert!(error < 1e-6, "spheres: {error:e}");
+    Claim::of("E-7", "stress of 1000 spheres at the end of a closed path, over the pressure")
+        .error(error)
+        .within(1e-6);
 }
 
 /// E-10: strained continuously, without a hold to speak of, the stress errs in proportion to the strain of a step.
@@ -132,5 +144,7 @@ fn error_is_proportional_to_the_rate() {
     let errors = [500, 1000, 2000, 4000]
         .map(|steps| plane::largest_component(&plane::add_scaled(&stress(steps), -1.0, &reference)) / PRESSURE);
     let slope = (errors[0] / errors[3]).ln() / 8f64.ln();
-    assert_close(slope, 1.0, 0.2, &format!("order of {errors:?}"));
+    Claim::of("E-10", "order of the stress error over the strain per step, 100 discs")
+        .value(slope, 1.0)
+        .within_absolute(0.2);
 }

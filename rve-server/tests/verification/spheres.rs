@@ -1,6 +1,7 @@
 //! Cells of spheres: crystals with one grain per cell, and a random packing of a thousand.
 
-use crate::samples::{assert_close, border_stress, tight};
+use crate::samples::{border_stress, tight};
+use claims::Claim;
 use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use rve_server::cell::{ContactNetwork, NetworkContact};
 use rve_server::contact::ContactTable;
@@ -63,15 +64,17 @@ fn cubic_moduli(cell: &mut GrainRve<Spheres>, size: f64) -> [f64; 3] {
 fn cubic_crystals_have_their_moduli() {
     let (n, t) = (NORMAL, TANGENTIAL);
     let cases = [
-        ("simple", SIMPLE, 6.0, [n, 0.0, t / 2.0]),
-        ("face-centred", face_centred(), 12.0, [2f64.sqrt() * (n + t), (n - t) / 2f64.sqrt(), (n + t) / 2f64.sqrt()]),
-        ("body-centred", body_centred(), 8.0, [n + 2.0 * t, n - t, n + 0.5 * t].map(|sum| sum * 3f64.sqrt() / 3.0)),
+        ("D-3", SIMPLE, 6.0, [n, 0.0, t / 2.0]),
+        ("D-4", face_centred(), 12.0, [2f64.sqrt() * (n + t), (n - t) / 2f64.sqrt(), (n + t) / 2f64.sqrt()]),
+        ("D-5", body_centred(), 8.0, [n + 2.0 * t, n - t, n + 0.5 * t].map(|sum| sum * 3f64.sqrt() / 3.0)),
     ];
-    for (name, rows, coordination, expected) in cases {
+    for (entry, rows, coordination, expected) in cases {
         let mut cell = GrainRve::new(&crystal(rows, 1e-6, sticking())).unwrap();
-        assert_eq!(cell.observe(Observables::NONE).unwrap().scalars.coordination_number, coordination, "{name}");
-        for (found, wanted) in cubic_moduli(&mut cell, 1e-8).iter().zip(expected) {
-            assert_close(*found, wanted, 1e-4, name);
+        assert_eq!(cell.observe(Observables::NONE).unwrap().scalars.coordination_number, coordination, "{entry}");
+        for ((name, found), wanted) in ["C11", "C12", "C44"].iter().zip(cubic_moduli(&mut cell, 1e-8)).zip(expected) {
+            Claim::of(entry, &format!("{name} by differences of stresses, over k_n / d"))
+                .value(found, wanted)
+                .within_absolute(1e-4);
         }
     }
 }
@@ -84,9 +87,9 @@ fn finite_compression_of_crystals_follows_the_closed_forms() {
     // Unit diameter: R* = 1/4.
     let hertz = |overlap: f64| 4.0 / 3.0 * shear / (1.0 - nu) * 0.25f64.sqrt() * overlap.powf(1.5);
     for (rows, factor) in [(SIMPLE, 1.0), (body_centred(), 3f64.sqrt()), (face_centred(), 2.0 * 2f64.sqrt())] {
-        let laws: [(ContactTable, &dyn Fn(f64) -> f64); 2] =
-            [(sticking(), &linear), (ContactTable::hertz_mindlin(shear, nu, 1e9), &hertz)];
-        for (contact, force) in laws {
+        let laws: [(&str, ContactTable, &dyn Fn(f64) -> f64); 2] =
+            [("linear", sticking(), &linear), ("Hertzian", ContactTable::hertz_mindlin(shear, nu, 1e9), &hertz)];
+        for (law, contact, force) in laws {
             let options = RveOptions { strain_per_step: Some(1e-5), ..tight() };
             let mut cell = GrainRve::new(&GrainDefinition { options, ..crystal(rows, 0.0, contact) }).unwrap();
             let mut spacing = 1.0;
@@ -96,7 +99,9 @@ fn finite_compression_of_crystals_follows_the_closed_forms() {
                 spacing *= 0.99;
                 let pressure = factor * force(1.0 - spacing) / (spacing * spacing);
                 let miss = add_scaled(&tensor(&answer), pressure, &Matrix::IDENTITY);
-                assert!(largest_component(&miss) < 1e-12, "{miss:?} at {pressure}");
+                Claim::of("D-7", &format!("stress of three cubic crystals, {law} contacts, compressed by up to 3 %"))
+                    .error(largest_component(&miss))
+                    .within(1e-12);
             }
         }
     }
@@ -113,8 +118,11 @@ fn hertzian_stiffness_grows_with_the_cube_root_of_the_pressure() {
         [pressure, c11 + 2.0 * c12, c44]
     });
     let exponent = |k: usize| (found[1][k] / found[0][k]).ln() / (found[1][0] / found[0][0]).ln();
-    assert_close(exponent(1), 1.0 / 3.0, 3e-3, "bulk modulus");
-    assert_close(exponent(2), 1.0 / 3.0, 3e-3, "shear modulus");
+    for (place, name) in [(1, "bulk modulus"), (2, "shear modulus")] {
+        Claim::of("D-8", &format!("exponent of the {name} over the pressure, face-centred crystal"))
+            .value(exponent(place), 1.0 / 3.0)
+            .within_absolute(3e-3);
+    }
 }
 
 /// D-10: rigid frictional spheres, face-centred, compressed along a cube axis: `2 (1 + f) / (1 - f)` at the peak, and
@@ -137,9 +145,13 @@ fn face_centred_crystal_yields_at_its_frictional_strength() {
             assert_eq!(answer.scalars.coordination_number, 8.0);
             let ratio = answer.stress.get(2, 2) / answer.stress.get(0, 0);
             let expected = 2.0 * angle.tan() * (angle + friction.atan()).tan();
-            assert_close(ratio / expected, 1.0, 1e-3, &format!("stress ratio at {degrees} degrees"));
+            Claim::of("D-10", "stress ratio along a cube axis against 2 tan(angle) tan(angle + friction angle)")
+                .value(ratio, expected)
+                .within(1e-3);
             if is_peak {
-                assert_close(ratio / (2.0 * (1.0 + friction) / (1.0 - friction)), 1.0, 2e-2, "strength");
+                Claim::of("D-10", "largest stress ratio along a cube axis")
+                    .value(ratio, 2.0 * (1.0 + friction) / (1.0 - friction))
+                    .within(2e-2);
             }
         }
     }
@@ -163,8 +175,10 @@ fn face_centred_crystal_yields_in_plane_strain() {
         let [x, y, z] = [0, 1, 2].map(|axis| answer.stress.get(axis, axis));
         let (three, two) = (3f64.sqrt(), 2f64.sqrt());
         let weak = three - 2.0 * two * friction;
-        assert_close(z / x / (2.0 * (three + two * friction) / weak), 1.0, 2e-2, "major over minor stress");
-        assert_close(y / x / (three / weak), 1.0, 2e-2, "intermediate over minor stress");
+        Claim::of("D-10", "major over minor stress in plane strain")
+            .value(z / x, 2.0 * (three + two * friction) / weak)
+            .within(2e-2);
+        Claim::of("D-10", "intermediate over minor stress in plane strain").value(y / x, three / weak).within(2e-2);
     }
 }
 
@@ -174,8 +188,8 @@ fn cells_smaller_than_the_contact_range_are_exact() {
     let strain = [[2e-4, 1e-4, 0.0], [0.0, -3e-4, 5e-5], [1e-4, 0.0, -2e-4]];
     // Of the three crystals only the face-centred one is stable in cells of more than one grain: the others are gear
     // trains, in which neighbours roll on each other.
-    for contact in [sticking(), ContactTable::hertz_mindlin(1.0, 0.2, 1e9)] {
-        let one = crystal(face_centred(), 1e-3, contact.clone());
+    for (law, contact) in [("linear", sticking()), ("Hertzian", ContactTable::hertz_mindlin(1.0, 0.2, 1e9))] {
+        let one = crystal(face_centred(), 1e-3, contact);
         let mut eight = one.clone();
         let cell = one.packing.periodicity;
         eight.packing.grains = (0..8)
@@ -189,10 +203,13 @@ fn cells_smaller_than_the_contact_range_are_exact() {
         let [first, second] =
             [one, eight].map(|definition| tensor(&trial(&mut GrainRve::new(&definition).unwrap(), &strain)));
         let miss = largest_component(&add_scaled(&first, -1.0, &second)) / largest_component(&first);
-        assert!(miss < 1e-9, "{miss:e}");
+        Claim::of("S-7", &format!("stress of a cell of one sphere against eight, face-centred, {law} contacts"))
+            .error(miss)
+            .within(1e-9);
     }
     let mut deep = GrainRve::new(&crystal(SIMPLE, 0.12, sticking())).unwrap();
-    assert!(deep.observe(Observables::NONE).unwrap().flags.contains(TrialFlags::LARGE_OVERLAP));
+    let flags = deep.observe(Observables::NONE).unwrap().flags;
+    Claim::of("S-4", "overlaps of 12 % of a diameter are flagged").holds(flags.contains(TrialFlags::LARGE_OVERLAP));
 }
 
 /// A thousand spheres at unit pressure, `(E* / p)^(2/3) = 300`.
@@ -223,7 +240,9 @@ fn superposed_rotation_turns_the_stress_of_spheres() {
     let h = add_scaled(&product(&rotation, &stretch), -1.0, &Matrix::IDENTITY);
     let error = add_scaled(&stress_after(&definition, &h), -1.0, &rotated(&plain, &rotation));
     // Measured 6e-14: rounding, which sliding contacts amplify.
-    assert!(largest_component(&error) < 1e-11, "{:e}", largest_component(&error));
+    Claim::of("E-1", "stress of 1000 spheres, rotated at once, over the pressure")
+        .error(largest_component(&error))
+        .within(1e-11);
 }
 
 /// E-3, E-4: the stress from the contacts that cross the border is that of all contacts, and it is symmetric, both up to
@@ -239,8 +258,12 @@ fn stress_of_spheres_is_consistent_and_states_are_complete() {
     assert!(unbalanced <= 1e-9);
     // Measured 0.36 and 1e-3 of the ratio.
     let [gap, skew] = [&border, &transpose(&whole)].map(|other| largest_component(&add_scaled(&whole, -1.0, other)));
-    assert!(gap < unbalanced, "{gap:e} at {unbalanced:e}");
-    assert!(skew < 0.01 * unbalanced, "{skew:e} at {unbalanced:e}");
+    Claim::of("E-3", "stress across the border, 1000 spheres: difference over the unbalanced ratio")
+        .error(gap / unbalanced)
+        .within(1.0);
+    Claim::of("E-4", "skew part of the stress of 1000 spheres over the unbalanced ratio")
+        .error(skew / unbalanced)
+        .within(0.01);
     cell.commit().unwrap();
 
     let mut bytes = Vec::new();
@@ -248,7 +271,9 @@ fn stress_of_spheres_is_consistent_and_states_are_complete() {
     let mut restored = GrainRve::new(&definition).unwrap();
     restored.restore(&bytes).unwrap();
     let back = scaled(&STRAIN, -0.5);
-    assert_eq!(trial(&mut cell, &back).stress, trial(&mut restored, &back).stress);
+    let [uninterrupted, continued] = [&mut cell, &mut restored].map(|cell| trial(cell, &back).stress);
+    Claim::of("A-4", "stress of 1000 spheres after a saved state is restored, bits")
+        .holds(uninterrupted == continued);
 }
 
 /// E-5: basis of the cell, origin, numbering.
@@ -268,7 +293,9 @@ fn basis_origin_and_numbering_do_not_matter_to_spheres() {
     for (name, changed) in [("basis", basis), ("origin and numbering", moved)] {
         let error = largest_component(&add_scaled(&stress_after(&changed, &STRAIN), -1.0, &expected));
         // Measured 3e-14.
-        assert!(error < 1e-11, "{name}: {error:e}");
+        Claim::of("E-5", &format!("stress of 1000 spheres with another {name}, over the pressure"))
+            .error(error)
+            .within(1e-11);
     }
 }
 
@@ -296,5 +323,7 @@ fn contact_work_of_spheres_is_stress_work() {
     let f = add_scaled(&Matrix::IDENTITY, 1.0, &small);
     let mean = add_scaled(&before.stress(), 1.0, &first_piola(&after.stress(), &f));
     let stress_work: f64 = (0..9).map(|k| 0.5 * mean[k / 3][k % 3] * small[k / 3][k % 3]).sum();
-    assert!((contact_work / stress_work - 1.0).abs() < 1e-3, "{contact_work} against {stress_work}");
+    Claim::of("E-2", "work of the contacts against work of the stress, 1000 spheres, J / m3")
+        .value(contact_work, stress_work)
+        .within(1e-3);
 }

@@ -1,6 +1,7 @@
 //! Attacks on a cell: each must end in a right answer or in a refusal that says why.
 
-use crate::samples::{TRIANGULAR, assert_close, border_stress, hundred_discs, lattice, tight, trial};
+use crate::samples::{TRIANGULAR, border_stress, hundred_discs, lattice, tight, trial};
+use claims::Claim;
 use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, RveOptions};
@@ -39,7 +40,8 @@ fn one_call_or_a_hundred_lead_to_the_same_stress() {
                 let answer = trial(&mut cell, &plane::add_scaled(&[[0.0; 2]; 2], size, &direction));
                 let diameter = 2.0 * cell.model().largest_radius();
                 let moved = size / answer.cost.ramp_steps as f64 * diameter;
-                assert!(moved < 0.05 * mean_overlap(&cell), "{moved:e} m in a step");
+                let quantity = "motion of the grains in a step, of their mean overlap";
+                Claim::of("S-1", quantity).number(moved / mean_overlap(&cell)).at_most(0.05);
                 cell.commit().unwrap();
                 stress = answer.stress.plane();
             }
@@ -48,7 +50,8 @@ fn one_call_or_a_hundred_lead_to_the_same_stress() {
         let once = end_after(1);
         for calls in [10, 100] {
             let error = difference(&end_after(calls), &once);
-            assert!(error < 5e-3, "{calls} calls: stress differs by {error:e} of the pressure");
+            let quantity = format!("stress after {calls} calls against one call, of the pressure");
+            Claim::of("S-1", &quantity).error(error).within(5e-3);
         }
     }
 }
@@ -64,14 +67,17 @@ fn tiny_and_huge_targets_are_answered_or_refused() {
         let before = cell.observe(Observables::NONE).unwrap().stress.plane();
         let small = trial(&mut cell, &at(1e-6));
         let change = difference(&small.stress.plane(), &before);
-        assert!(change > 0.0 && change < 5e-3, "{change:e}");
+        assert!(change > 0.0, "{change:e}");
+        Claim::of("S-1", "change of the stress by a strain of 1e-6, of the pressure").number(change).at_most(5e-3);
         let answer = trial(&mut cell, &at(0.19));
-        assert!(answer.stress.is_finite() && !answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+        let is_answered = answer.stress.is_finite() && !answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
+        Claim::of("S-1", "a strain of 0.19 ends at rest with a finite stress").holds(is_answered);
         // Compressed by a fifth, grains as stiff as a thousand pressures overlap by more than a tenth.
         let is_compressed = direction[1][1] != 0.0;
         assert_eq!(answer.flags.contains(TrialFlags::LARGE_OVERLAP), is_compressed);
         let refusal = cell.trial(&Tensor2::from_plane(at(0.5)), &TrialOptions::default());
-        assert!(matches!(refusal, Err(RveError::TargetTooLarge { .. })));
+        let is_refused = matches!(refusal, Err(RveError::TargetTooLarge { .. }));
+        Claim::of("S-1", "a strain of 0.5 is refused as too large").holds(is_refused);
     }
 }
 
@@ -92,9 +98,14 @@ fn a_cell_that_came_apart_bears_no_load_until_it_is_pressed_together() {
         (answer, cell.clone())
     };
     let (apart, expanded) = go(0.02);
-    assert!(apart.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS));
-    assert_eq!(apart.stress, Tensor2::ZERO);
-    assert!(apart.tangent.unwrap().0.iter().all(|value| *value == 0.0));
+    let is_told = apart.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS);
+    Claim::of("S-2", "a cell that came apart says that nothing bears load").holds(is_told);
+    for value in apart.stress.0 {
+        Claim::of("S-2", "stress of a cell that came apart, Pa").value(value, 0.0).within_absolute(0.0);
+    }
+    for value in apart.tangent.unwrap().0 {
+        Claim::of("S-2", "stiffness of a cell that came apart, Pa").value(value, 0.0).within_absolute(0.0);
+    }
     assert_eq!((apart.scalars.coordination_number, apart.scalars.max_overlap_ratio), (0.0, 0.0));
     assert_eq!((apart.observed.elastic_energy, apart.observed.sliding_fraction), (0.0, 0.0));
     assert!(expanded.committed().contacts.is_empty());
@@ -108,15 +119,18 @@ fn a_cell_that_came_apart_bears_no_load_until_it_is_pressed_together() {
     let (back, _) = go(1.0 / (1.02 * 1.001) - 1.0);
     let pressed = [2e-3, 2e-3].map(|step| go(-step).0);
     let pressure = |answer: &TrialResult| -0.5 * (answer.stress.get(0, 0) + answer.stress.get(1, 1)) / PRESSURE;
-    assert!(pressure(&back) < pressure(&pressed[0]) && pressure(&pressed[0]) < pressure(&pressed[1]));
-    assert!(pressure(&pressed[1]) > 1.0, "{} of the old pressure", pressure(&pressed[1]));
+    let rises = pressure(&back) < pressure(&pressed[0]) && pressure(&pressed[0]) < pressure(&pressed[1]);
+    Claim::of("S-3", "the pressure rises with every compression").holds(rises);
+    let quantity = "pressure at 0.4 % less than the first length, over the first pressure";
+    Claim::of("S-3", quantity).number(pressure(&pressed[1])).at_least(1.0);
     assert!(!pressed[1].flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS) && pressed[1].tangent.is_some());
     let network = cell.network();
     assert!(network.is_none(), "committed");
     let frozen = cell.committed_network().unwrap();
     for contact in &frozen.contacts {
         let limit = frozen.friction * contact.normal_force.abs();
-        assert!(contact.tangential_force.abs() <= limit * (1.0 + 1e-12));
+        let quantity = "tangential force over the friction limit, contacts that closed again";
+        Claim::of("S-3", quantity).number(contact.tangential_force.abs() / limit).at_most(1.0 + 1e-12);
     }
 }
 
@@ -163,11 +177,13 @@ fn corners_of_the_range_of_grains_are_stable() {
             unload(&mut cell, pressure);
         }
         let answer = trial(&mut cell, &[[0.5 * pressure, 0.2 * pressure], [0.0, -pressure]]);
-        assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{name}: {:?}", answer.scalars);
+        let is_at_rest = !answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
+        Claim::of("S-5", "cells at the corners of the range come to rest").holds(is_at_rest);
         let network = cell.network().unwrap();
         let jump = plane::add_scaled(&network.stress(), -1.0, &border_stress(network));
         let error = plane::largest_component(&jump) / pressure;
-        assert!(error < 1e-6, "{name}: the border stress is off by {error:e}");
+        let quantity = "stress from the border against the contacts, corners of the range, of the pressure";
+        Claim::of("S-5", quantity).error(error).within(1e-6);
     }
 }
 
@@ -211,7 +227,7 @@ fn cells_smaller_than_the_contact_range_are_exact() {
         [one, four].map(|definition| trial(&mut GrainRve::new(&definition).unwrap(), &strain).stress.plane());
     let scale = plane::largest_component(&single);
     let error = plane::largest_component(&plane::add_scaled(&quadruple, -1.0, &single)) / scale;
-    assert!(error < 1e-9, "{error:e}");
+    Claim::of("S-7", "stress of a crystal, cell of four discs against one disc").error(error).within(1e-9);
 }
 
 /// S-13: a crystal in which every fifth grain touches nothing. The network operator needs no help, and the stress from
@@ -238,22 +254,27 @@ fn a_fifth_of_rattlers_harms_neither_stress_nor_operator() {
         ..TrialOptions::default()
     };
     let answer = cell.trial(&Tensor2::from_plane([[1e-5, 0.0], [0.0, -3e-5]]), &options).unwrap();
-    for flag in [TrialFlags::TANGENT_FALLBACK, TrialFlags::TANGENT_REGULARISED, TrialFlags::NOT_EQUILIBRATED] {
-        assert!(!answer.flags.contains(flag), "{:?}", answer.flags);
-    }
+    assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED), "{:?}", answer.flags);
+    let is_regular = ![TrialFlags::TANGENT_FALLBACK, TrialFlags::TANGENT_REGULARISED]
+        .into_iter()
+        .any(|flag| answer.flags.contains(flag));
+    Claim::of("S-13", "the operator of discs of which a fifth bears nothing is regular").holds(is_regular);
     let rattlers = cell.committed_network().unwrap();
     assert_eq!(rattlers.contacts.len(), 25 * 3 - 5 * 6);
     let network = cell.network().unwrap();
     let scale = plane::largest_component(&network.stress());
     let jump = plane::add_scaled(&network.stress(), -1.0, &border_stress(network));
-    assert!(plane::largest_component(&jump) / scale < 10.0 * answer.scalars.unbalanced_force_ratio.max(1e-12));
+    let error = plane::largest_component(&jump) / scale / answer.scalars.unbalanced_force_ratio.max(1e-12);
+    let quantity = "stress from the border against the contacts, discs, in unbalanced force ratios";
+    Claim::of("S-13", quantity).error(error).missed_up_to(10.0).within(1.0);
     let operator = answer.tangent.unwrap().plane();
     let step = 1e-8;
     let stress =
         |cell: &mut GrainRve, sign: f64| trial(cell, &[[1e-5 + sign * step, 0.0], [0.0, -3e-5]]).stress.plane();
     let [plus, minus] = [1.0, -1.0].map(|sign| stress(&mut cell, sign));
     let perturbed = (plus[0][0] - minus[0][0]) / (2.0 * step);
-    assert_close(perturbed / operator[0][0], 1.0, 1e-3, "C1111 by perturbations of the cell with its rattlers");
+    let quantity = "stiffness C1111 against perturbations, a fifth of the discs bears nothing, Pa";
+    Claim::of("S-13", quantity).value(perturbed, operator[0][0]).within(1e-3);
 }
 
 /// D-11: before anything yields, a packing and four copies of it side by side have the same stress and the same operator.
@@ -278,9 +299,10 @@ fn four_copies_of_a_packing_answer_as_one() {
         let mut cell = GrainRve::new(&definition).unwrap();
         cell.trial(&Tensor2::from_plane([[1e-5, 5e-6], [5e-6, -2e-5]]), &options).unwrap()
     });
-    assert!(difference(&first.stress.plane(), &second.stress.plane()) < 1e-6);
+    let error = difference(&first.stress.plane(), &second.stress.plane());
+    Claim::of("D-11", "stress of four copies against one packing, of the pressure").error(error).within(1e-6);
     let [first, second] = [first, second].map(|answer| answer.tangent.unwrap().0);
     let scale = first.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
     let error = first.iter().zip(&second).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs())) / scale;
-    assert!(error < 1e-6, "{error:e}");
+    Claim::of("D-11", "operator of four copies against one packing").error(error).within(1e-6);
 }

@@ -1,6 +1,7 @@
 //! Two grains against closed forms and published benchmarks of collisions.
 
 use crate::pair::{Body, TwoBody};
+use claims::Claim;
 use rve_server::contact::{
     ContactLaw, ExtendedLinear, HertzSprings, LinearSprings, NormalStiffness, PlainHertzMindlin, RollingSpring,
     TangentialUnloading,
@@ -26,6 +27,9 @@ fn on_rigid_plane(law: PlainHertzMindlin) -> PlainHertzMindlin {
     let springs = HertzSprings { shear_modulus: 2.0 * law.springs.shear_modulus, ..law.springs };
     PlainHertzMindlin { springs, ..law }
 }
+
+/// What [`collide`] returns.
+const QUANTITIES: [&str; 3] = ["largest overlap, m", "largest force, N", "contact time, s"];
 
 /// Largest overlap, largest force and duration of a contact, followed until the grains part.
 fn collide<L: ContactLaw<Spheres>>(pair: &mut TwoBody<Spheres, L>, step: f64) -> [f64; 3] {
@@ -77,14 +81,25 @@ fn oblique(
 #[test]
 fn elastic_impacts_have_their_overlap_force_and_duration() {
     let cases = [
-        (48e9, 0.2, 2800.0, [2.74113e-4, 10_696.9, 4.0339e-5]),
-        (20e9, 0.25, 2500.0, [3.68304e-4, 7_108.2, 5.4201e-5]),
+        ("glass", 48e9, 0.2, 2800.0, [2.74113e-4, 10_696.9, 4.0339e-5]),
+        ("limestone", 20e9, 0.25, 2500.0, [3.68304e-4, 7_108.2, 5.4201e-5]),
     ];
-    for (young, nu, density, expected) in cases {
+    for (material, young, nu, density, published) in cases {
+        let (radius, speed) = (0.01, 10.0);
         let law = elastic(young, nu, 0.0, TangentialUnloading::Rescaled);
-        let found = collide(&mut head_on(law, 0.01, density, 10.0), expected[2] / 2000.0);
-        for (value, wanted) in found.iter().zip(expected) {
-            assert!((value / wanted - 1.0).abs() < 1e-4, "found {found:?}, expected {expected:?}");
+        let found = collide(&mut head_on(law, radius, density, speed), published[2] / 2000.0);
+        for ((quantity, value), published) in QUANTITIES.into_iter().zip(found).zip(published) {
+            Claim::of("C-3", &format!("{quantity}, {material}")).value(value, published).within(1e-4);
+        }
+        // Hertz, with half the mass, radius and modulus of one sphere and both speeds.
+        let mass = 0.5 * density * 4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3);
+        let (reduced, modulus, closing) = (0.5 * radius, 0.5 * young / (1.0 - nu * nu), 2.0 * speed);
+        let overlap = (15.0 * mass * closing * closing / (16.0 * modulus * reduced.sqrt())).powf(0.4);
+        let force = 4.0 / 3.0 * modulus * reduced.sqrt() * overlap.powf(1.5);
+        let closed_form = [overlap, force, 2.943_28 * overlap / closing];
+        for ((quantity, value), expected) in QUANTITIES.into_iter().zip(found).zip(closed_form) {
+            let quantity = format!("{quantity}, elastic impact of two spheres, 2000 steps");
+            Claim::of("C-2", &quantity).value(value, expected).within(1e-4);
         }
     }
 }
@@ -93,14 +108,14 @@ fn elastic_impacts_have_their_overlap_force_and_duration() {
 #[test]
 fn impacts_on_a_rigid_plane_have_their_overlap_force_and_duration() {
     let cases = [
-        (70e9, 0.30, 2699.0, [4.97172e-5, 11_369.9, 7.3166e-4]),
-        (40e9, 0.35, 1800.0, [5.21233e-5, 7_232.7, 7.6707e-4]),
+        ("aluminium", 70e9, 0.30, 2699.0, [4.97172e-5, 11_369.9, 7.3166e-4]),
+        ("magnesium", 40e9, 0.35, 1800.0, [5.21233e-5, 7_232.7, 7.6707e-4]),
     ];
-    for (young, nu, density, expected) in cases {
+    for (material, young, nu, density, expected) in cases {
         let law = elastic(young, nu, 0.0, TangentialUnloading::Rescaled);
         let found = collide(&mut oblique(law, 0.1, density, [0.2, 0.0], 0.0), expected[2] / 2000.0);
-        for (value, wanted) in found.iter().zip(expected) {
-            assert!((value / wanted - 1.0).abs() < 1e-3, "found {found:?}, expected {expected:?}");
+        for ((quantity, value), expected) in QUANTITIES.into_iter().zip(found).zip(expected) {
+            Claim::of("C-4", &format!("{quantity}, {material}")).value(value, expected).within(1e-3);
         }
     }
 }
@@ -124,7 +139,9 @@ fn impact_converges_with_the_square_of_the_step() {
     let fine = place(102_400);
     let [coarse, finer] = [100, 400].map(|steps: u32| (place(steps) - fine).abs());
     let order = (coarse / finer).ln() / 4f64.ln();
-    assert!((order - 2.0).abs() < 0.1, "order of the motion {order}");
+    Claim::of("B-1", "order of the motion in an elastic impact, 100 and 400 steps")
+        .value(order, 2.0)
+        .within_absolute(0.1);
     let rebound = |steps: f64| {
         let mut pair = head_on(law, 0.01, 2800.0, 10.0);
         // So long that the grains are apart again; the gap differs from a whole number of steps.
@@ -139,15 +156,15 @@ fn impact_converges_with_the_square_of_the_step() {
     let mean = |steps: f64| (0..16).map(|shift| rebound(steps * (1.0 + 0.01 * f64::from(shift)))).sum::<f64>() / 16.0;
     let order = (mean(100.0) / mean(400.0)).ln() / 4f64.ln();
     // The energy does better than the motion: measured 2.8.
-    assert!(order > 1.8, "order {order}");
-    assert!(mean(200.0) < 1e-3);
+    Claim::of("B-1", "order of the speed of rebound, 100 and 400 steps").number(order).at_least(1.8);
+    Claim::of("C-2", "mean error of the speed of rebound, 200 steps").error(mean(200.0)).within(1e-3);
 }
 
 /// C-5, the case with attraction: a linear contact whose viscosity acts until the grains part restores
 /// `exp(-pi b / sqrt(1 - b^2))` of the speed.
 #[test]
 fn viscous_linear_contact_restores_what_its_damping_leaves() {
-    for (damping, expected) in [(0.05, 0.8545), (0.2, 0.5266), (0.5, 0.1630)] {
+    for damping in [0.05, 0.2, 0.5] {
         let mut bodies = [-1.0001, 1.0001].map(|x| Body::of_density(1.0, 1.0, [x, 0.0, 0.0]));
         bodies[0].velocity = [0.01, 0.0, 0.0];
         bodies[1].velocity = [-0.01, 0.0, 0.0];
@@ -163,7 +180,10 @@ fn viscous_linear_contact_restores_what_its_damping_leaves() {
         let mut pair = TwoBody::<Spheres, _>::new(law, bodies);
         collide(&mut pair, step);
         let restored = pair.bodies[1].velocity[0] / 0.01;
-        assert!((restored - expected).abs() < 2e-4, "damping {damping}: {restored}");
+        let quantity = format!("restitution with tension, damping ratio {damping}");
+        // 0.8545, 0.5266 and 0.1630.
+        let closed_form = (-std::f64::consts::PI * damping / f64::sqrt(1.0 - damping * damping)).exp();
+        Claim::of("C-5", &quantity).value(restored, closed_form).within(1e-4);
     }
 }
 
@@ -181,9 +201,11 @@ fn gross_sliding_takes_what_friction_allows() {
         collide(&mut pair, 1e-8);
         let body = &pair.bodies[0];
         let expected = 1.0 - 2.0 * friction / degrees.to_radians().tan();
-        assert!((body.velocity[0] / v_t - expected).abs() < 1e-3, "{degrees}: {}", body.velocity[0] / v_t);
+        let kept = Claim::of("C-7", "share of the tangential speed that is left, sliding without damping");
+        kept.value(body.velocity[0] / v_t, expected).within_absolute(1e-3);
         let spin = 2.5 * friction * 2.0 * v_n / radius;
-        assert!((body.rotation_velocity[1] / spin - 1.0).abs() < 1e-3, "{degrees}: {}", body.rotation_velocity[1]);
+        let quantity = "spin after sliding without damping, rad/s";
+        Claim::of("C-7", quantity).value(body.rotation_velocity[1], spin).within(1e-3);
     }
 }
 
@@ -211,9 +233,10 @@ fn oblique_impacts_follow_the_table_of_both_laws() {
         (5.0, -1.4356, 4.5969, 0.8185),
         (6.0, -0.9814, 4.9867, 0.7875),
     ];
-    for (unloading, table) in
-        [(TangentialUnloading::Incremental, incremental), (TangentialUnloading::Rescaled, rescaled)]
-    {
+    for (name, unloading, table) in [
+        ("incremental", TangentialUnloading::Incremental, incremental),
+        ("rescaled", TangentialUnloading::Rescaled, rescaled),
+    ] {
         let law = elastic(208e9, 0.3, friction, unloading);
         // Beyond 5.79 both slide all the way: friction takes 7 of the surface speed and gives 5 to the spin.
         let sliding = [7.0, 9.0].map(|x: f64| {
@@ -225,18 +248,18 @@ fn oblique_impacts_follow_the_table_of_both_laws() {
             let before = pair.kinetic_energy();
             collide(&mut pair, 1.5e-11);
             let left = pair.kinetic_energy() / before;
-            assert!(
-                (left - energy).abs() < 2e-4,
-                "{unloading:?}, x = {x}: {left} of the energy is left, not {energy}"
-            );
+            let quantity = format!("share of the energy that is left, {name} law");
+            Claim::of("C-8", &quantity).value(left, energy).within_absolute(2e-4);
             let body = &pair.bodies[0];
             let turning = body.rotation_velocity[1] * radius;
             let found = [(body.velocity[0] - turning) / (friction * v_n), turning / (friction * v_n)];
             // Measured 2e-4, and 5e-5 of the energy; half of it are the four digits of the table.
-            assert!(
-                (found[0] - surface).abs() < 5e-4 && (found[1] - spin).abs() < 5e-4,
-                "{unloading:?}, x = {x}: {found:?}, expected {surface} and {spin}"
-            );
+            for (quantity, found, expected) in
+                [("speed of the contact point", found[0], surface), ("speed by the spin", found[1], spin)]
+            {
+                let quantity = format!("{quantity} over friction and normal speed, {name} law");
+                Claim::of("C-8", &quantity).value(found, expected).within_absolute(5e-4);
+            }
         }
     }
 }
@@ -250,9 +273,11 @@ fn spinning_spheres_are_deflected_by_friction_alone() {
     let mut pair = oblique(law, radius, 2700.0, [v_n, 0.0], spin);
     collide(&mut pair, 5e-7);
     let body = &pair.bodies[0];
-    assert!((body.velocity[0] / (friction * 2.0 * v_n) - 1.0).abs() < 1e-3, "{:?}", body.velocity);
+    let quantity = "tangential speed of a spinning sphere after a plane, no damping, m/s";
+    Claim::of("C-10", quantity).value(body.velocity[0], friction * 2.0 * v_n).within(1e-3);
     let expected = spin - 2.5 * friction * 2.0 * v_n / radius;
-    assert!((body.rotation_velocity[1] / expected - 1.0).abs() < 1e-3);
+    let quantity = "spin of a spinning sphere after a plane, no damping, rad/s";
+    Claim::of("C-10", quantity).value(body.rotation_velocity[1], expected).within(1e-3);
 
     for (second, slides) in [(spin, true), (-spin, false)] {
         let mut pair = head_on(law, radius, 2700.0, v_n);
@@ -262,9 +287,11 @@ fn spinning_spheres_are_deflected_by_friction_alone() {
         let [one, two] = [0, 1].map(|body: usize| pair.bodies[body].velocity[1]);
         assert!((one + two).abs() < 1e-12);
         if slides {
-            assert!((one.abs() / (friction * 2.0 * v_n) - 1.0).abs() < 1e-3, "{one}");
+            let quantity = "tangential speed of two spheres with equal spins, no damping, m/s";
+            Claim::of("C-10", quantity).value(one.abs(), friction * 2.0 * v_n).within(1e-3);
         } else {
-            assert!(one.abs() < 1e-12, "{one}");
+            let quantity = "tangential speed of two spheres with opposite spins, no damping, m/s";
+            Claim::of("C-10", quantity).value(one, 0.0).within_absolute(1e-12);
         }
     }
 }
@@ -293,11 +320,12 @@ fn full_rigid_turn_about_any_axis_leaves_the_contact_as_it_was() {
             pair.place([[0.0; 3], turned(branch, angle)], [spin, spin]);
             if step % 90 == 0 {
                 let miss = pair.force().minus(turned(force, angle)).norm();
-                assert!(miss < 1e-9 * force.norm(), "axis {axis:?}, step {step}: {miss:e}");
+                let quantity = "force of a turned pair against the turned force, eighths of a full turn";
+                Claim::of("C-16", quantity).error(miss / force.norm()).missed_up_to(1e-9).within(1e-10);
             }
         }
-        let change = pair.tangential_force().norm() / tangential.norm() - 1.0;
-        assert!(change.abs() < 1e-10, "tangential force changed by {change:e}");
+        let quantity = "magnitude of the tangential force after a full turn, N";
+        Claim::of("C-16", quantity).value(pair.tangential_force().norm(), tangential.norm()).within(1e-10);
     }
 }
 
@@ -322,13 +350,20 @@ fn frame_and_order_of_two_spheres_do_not_matter() {
     let keep = |v: [f64; 3]| v;
     let rotate = |[x, y, z]: [f64; 3]| [z, x, y];
     let (force, moments) = run(false, [0.0; 3], &keep);
-    for (swap, offset) in [(true, [0.0; 3]), (false, [0.5, -0.25, 1.0])] {
+    for (quantity, swap, offset) in [
+        ("force and moments of a pair with its grains exchanged", true, [0.0; 3]),
+        ("force and moments of a pair that is moved", false, [0.5, -0.25, 1.0]),
+    ] {
         let (other, other_moments) = run(swap, offset, &keep);
-        assert!(other.minus(force).norm() < 1e-10 * force.norm(), "{swap}");
+        let claim = |miss: [f64; 3]| {
+            Claim::of("C-17", quantity).error(miss.norm() / force.norm()).missed_up_to(1e-10).within(1e-14);
+        };
+        claim(other.minus(force));
         for (one, two) in moments.iter().zip(other_moments) {
-            assert!(two.minus(*one).norm() < 1e-10 * force.norm(), "{swap}");
+            claim(two.minus(*one));
         }
     }
     let (turned, _) = run(false, [0.0; 3], &rotate);
-    assert!(turned.minus(rotate(force)).norm() < 1e-14 * force.norm());
+    let error = turned.minus(rotate(force)).norm() / force.norm();
+    Claim::of("C-17", "force of a pair that is turned").error(error).within(1e-14);
 }

@@ -1,6 +1,7 @@
 //! `grainspan reproduce`: the list, and one figure from its runs to its tables.
 
 use crate::harness::commands::{grainspan, succeeded};
+use claims::Claim;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
@@ -86,9 +87,12 @@ fn strength_of_the_published_biaxial_test_grows_with_friction() {
     let quantities = ["0.2", "0.4", "0.6"].map(|friction| format!("peak stress ratio, friction {friction}"));
     let peaks = numbers("liu2018-friction", &quantities.each_ref().map(String::as_str));
     assert!(peaks[0] < peaks[1] && peaks[1] < peaks[2], "{peaks:?}");
-    for (peak, expected, tolerance) in [(peaks[0], 0.298, 0.052), (peaks[1], 0.39, 0.03)] {
-        assert!((peak - expected).abs() <= tolerance, "{peaks:?}");
-    }
+    Claim::of("G-10", "peak stress ratio of the published biaxial test, friction 0.2, small size")
+        .value(peaks[0], 0.298)
+        .within_absolute(0.052);
+    Claim::of("J-1", "peak stress ratio of the published biaxial test, friction 0.4, small size")
+        .value(peaks[1], 0.39)
+        .within_absolute(0.03);
 }
 
 /// [Liu2018] Figs. 10, 11: blocked rotations make the grains stronger and the contacts more anisotropic.
@@ -104,5 +108,12 @@ fn blocked_rotations_strengthen_the_published_biaxial_test() {
     );
     // The paper has 1.23 to 1.5, which 1.54 misses; that all rotations are blocked here is on its page.
     assert!(found[0] > 1.23, "{found:?}");
-    assert!(found[2] > 1.5 * found[1] && (found[2] - 0.33).abs() <= 0.05, "{found:?}");
+    Claim::of("J-1", "largest stress ratio, blocked over free rotations, small size")
+        .number(found[0])
+        .missed_up_to(0.2)
+        .between(1.23, 1.5);
+    assert!(found[2] > 1.5 * found[1], "{found:?}");
+    Claim::of("J-1", "anisotropy of the contacts at 7.3 %, blocked rotations, small size")
+        .value(found[2], 0.33)
+        .within_absolute(0.05);
 }

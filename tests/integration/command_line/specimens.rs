@@ -1,6 +1,7 @@
 //! `grainspan specimen` and `grainspan pack` as a user runs them: defaults, tables, closing lines, exit codes.
 
 use crate::harness::Site;
+use claims::Claim;
 use std::path::Path;
 use std::process::Output;
 
@@ -121,6 +122,8 @@ fn a_specimen_without_tangential_springs_says_what_it_drops() {
     );
 }
 
+const PICTURES: &str = "pictures of a specimen that is killed and resumed, against an undisturbed one";
+
 /// a run that is killed goes on from its checkpoint to the bytes of an undisturbed one, in another number of threads, with its pictures;
 /// another test is refused, and a run that has ended leaves no checkpoint.
 #[test]
@@ -167,21 +170,23 @@ fn a_killed_specimen_goes_on_to_the_same_bytes() {
     assert!(code == 2 && text.contains("--units: the run was begun otherwise"), "{code}: {text}");
     let (code, text, _) = run(&site, &[&arguments[..], &["--threads", "2"][..]].concat());
     assert!(code == 0 && !text.contains("no checkpoint"), "{code}: {text}");
-    assert_eq!(std::fs::read_to_string(&broken).unwrap(), std::fs::read_to_string(&whole).unwrap());
+    Claim::of("A-10", "table of a specimen that is killed and resumed, against an undisturbed one")
+        .holds(std::fs::read_to_string(&broken).unwrap() == std::fs::read_to_string(&whole).unwrap());
     let series = std::fs::read_to_string(pictures.join("grains.pvd")).unwrap();
     assert_eq!(series.matches("<DataSet").count(), 21, "{series}");
     for table in ["profile.csv", "band.csv"] {
         let read = |folder: &Path| std::fs::read_to_string(folder.join(table)).unwrap();
-        assert_eq!(read(&layers), read(&whole_layers), "{table}");
+        Claim::of("A-10", "profile and band of a specimen that is killed and resumed, against an undisturbed one")
+            .holds(read(&layers) == read(&whole_layers));
     }
     for last in ["fluctuations.svg", "force-chains.svg", "rotations.svg"] {
         let read = |folder: &Path| std::fs::read_to_string(folder.join(format!("grains-0020-{last}"))).unwrap();
         let ours = read(&pictures);
-        assert_eq!(ours, read(&site.path("whole-pictures")));
+        Claim::of("A-10", PICTURES).holds(ours == read(&site.path("whole-pictures")));
         assert!(ours.matches("<circle").count() > 50, "{last}");
     }
     let read = |folder: &Path| std::fs::read(folder.join("contacts-0020.vtp")).unwrap();
-    assert_eq!(read(&pictures), read(&site.path("whole-pictures")));
+    Claim::of("A-10", PICTURES).holds(read(&pictures) == read(&site.path("whole-pictures")));
     assert_eq!(std::fs::read_to_string(pictures.join("contacts.pvd")).unwrap().matches("<DataSet").count(), 21);
     assert!(!pictures.join("grains-0000-fluctuations.svg").exists(), "the stage has not begun");
     the_layers_shear_as_the_walls_do(&whole_layers, &std::fs::read_to_string(&whole).unwrap());

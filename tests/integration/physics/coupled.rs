@@ -5,6 +5,7 @@
 //! (I-2), and the work of the boundary forces must equal the stress work of the Gauss points and what their grains store
 //! and lose (I-10).
 
+use claims::Claim;
 use macro_solver::formulation::Formulation;
 use macro_solver::formulation::tensor::matrix;
 use macro_solver::mesh::ElementKind;
@@ -144,8 +145,12 @@ fn three_procedures_agree_on_a_biaxial_test() {
         ..DynamicSettings::new(2000.0)
     };
     let (moved, most) = run(Procedure::Dynamic(Box::new(slow)), Formulation::Corotational);
-    assert!((relaxed / newton - 1.0).abs() < 0.01, "{relaxed} against {newton}");
-    assert!((moved / newton - 1.0).abs() < 0.01, "{moved} against {newton}");
+    Claim::of("I-7", "stress ratio at 0.1 % by dynamic relaxation against Newton's method")
+        .value(relaxed, newton)
+        .within(0.01);
+    Claim::of("I-7", "stress ratio at 0.1 % by slow damped motion against Newton's method")
+        .value(moved, newton)
+        .within(0.01);
     assert!(newton > 1.2 && few < many && many < most, "{newton}: {few}, {many}, {most} evaluations");
 }
 
@@ -172,12 +177,16 @@ fn strategies_and_formulations_agree_between_rough_platens() {
     assert!(newton > 1.2, "{newton}");
     for strategy in NamedStrategy::ALL {
         let found = ratio(strategy, Formulation::UpdatedLagrangian);
-        assert!((found / newton - 1.0).abs() < 1e-3, "{}: {found} against {newton}", strategy.keyword());
+        Claim::of("I-7", "force between rough platens at 0.1 %, strategies against full Newton")
+            .value(found, newton)
+            .within(1e-3);
     }
     for formulation in [Formulation::SmallStrain, Formulation::TotalLagrangian, Formulation::Corotational] {
         let found = ratio(NamedStrategy::Newton, formulation);
         // A strain of 0.1 % is what they differ by.
-        assert!((found / newton - 1.0).abs() < 5e-3, "{formulation:?}: {found} against {newton}");
+        Claim::of("I-7", "force between rough platens at 0.1 %, formulations against updated Lagrangian")
+            .value(found, newton)
+            .within(5e-3);
     }
 }
 
@@ -201,14 +210,20 @@ fn one_element_repeats_one_cell() {
         cell.commit().unwrap();
         for point in points {
             for (ours, theirs) in point.stress.0.iter().zip(&alone.stress.0) {
-                assert!((ours - theirs).abs() < 1e-6 * PRESSURE, "step {step}: {ours} against {theirs}");
+                Claim::of("I-1", "largest difference of the stress over the pressure, element and single cell")
+                    .error((ours - theirs) / PRESSURE)
+                    .within(1e-6);
             }
         }
         // The stress carries the cell pressure sideways and the platen's force upwards, within the force tolerance.
         let stress = alone.stress.plane();
-        assert!((stress[0][0] + PRESSURE).abs() < 1e-3 * PRESSURE, "step {step}: sigma_xx = {}", stress[0][0]);
+        Claim::of("I-1", "lateral stress of the single cell against the pressure on the element")
+            .value(-stress[0][0], PRESSURE)
+            .within(1e-3);
         let platen = record.top_reaction[step] / record.width[step];
-        assert!((platen - stress[1][1]).abs() < 1e-3 * PRESSURE, "step {step}: {platen} against {}", stress[1][1]);
+        Claim::of("I-1", "largest error of the stress below the platen over the pressure, against the cell")
+            .error((platen - stress[1][1]) / PRESSURE)
+            .within(1e-3);
     }
     let ratio = record.top_reaction[3] / record.width[3] / -PRESSURE;
     assert!(ratio > 1.5, "compression has mobilised friction: sigma_yy/sigma_xx = {ratio}");
@@ -224,7 +239,9 @@ fn equal_elements_under_homogeneous_conditions_stay_equal() {
     for points in &record.samples {
         for point in points {
             for (ours, theirs) in point.stress.0.iter().zip(&points[0].stress.0) {
-                assert!((ours - theirs).abs() < 1e-8 * PRESSURE, "{ours} against {theirs}");
+                Claim::of("I-2", "largest difference of the stress over the pressure, four equal elements")
+                    .error((ours - theirs) / PRESSURE)
+                    .within(1e-8);
             }
         }
     }
@@ -271,11 +288,9 @@ fn boundary_work_is_stress_work_is_work_of_the_grains() {
                     0.5 * initial.volume * (nominal(after) + nominal(before)).dot(&path)
                 })
                 .sum();
-            let off = boundary / stress_work - 1.0;
-            assert!(
-                off.abs() < 1e-3,
-                "{formulation:?} {kind:?}, step {step}: {boundary} and {stress_work}, {off:.1e}"
-            );
+            Claim::of("I-10", "work at the boundary against that of the stresses, each step, J")
+                .value(boundary, stress_work)
+                .within(1e-3);
             whole += stress_work;
         }
         let energy = |step: usize, of: fn(&Sample) -> f64| -> f64 {
@@ -283,7 +298,9 @@ fn boundary_work_is_stress_work_is_work_of_the_grains() {
         };
         let last = record.samples.len() - 1;
         let stored = energy(last, |point| point.elastic) - energy(0, |point| point.elastic);
-        let off = (stored + energy(last, |point| point.lost)) / whole - 1.0;
-        assert!(off.abs() < 1e-2, "{formulation:?} {kind:?}: {whole} against {stored} stored, {off:.1e}");
+        Claim::of("I-10", "energy that grains store and lose to friction against the work of the stresses, J")
+            .value(stored + energy(last, |point| point.lost), whole)
+            .missed_up_to(1e-2)
+            .within(1e-3);
     }
 }

@@ -4,6 +4,7 @@
 //! A triangular lattice of linear springs is isotropic: `K = sqrt(3)/2 k_n`, `G = sqrt(3)/4 (k_n + k_t)`. Cohesion as large
 //! as the overlap bonds it without stress, so that it also carries tension.
 
+use claims::Claim;
 use macro_solver::formulation::Formulation;
 use macro_solver::material::elastic::{ElasticLaw, ElasticMaterial};
 use macro_solver::mesh::block::Block;
@@ -127,7 +128,9 @@ fn an_irregular_patch_of_lattices_has_a_constant_stress() {
         for stress in &last.stresses {
             let [[xx, xy], [_, yy]] = stress.plane();
             for (found, exact) in [(xx, 2.0 * bulk * size), (yy, 2.0 * bulk * size), (xy, shear * size)] {
-                assert!((found / exact - 1.0).abs() < 1e-7, "{kind:?}: {found:e} {exact:e}");
+                Claim::of("I-3", "stress of an irregular patch of lattices, Q4, Q8, T3 and T6")
+                    .value(found, exact)
+                    .within(1e-7);
             }
         }
     }
@@ -158,8 +161,12 @@ fn cook_membrane_of_lattices_deflects_as_published() {
     let deflection = last.displacements[middle][1] / small;
     // Measured 3e-9 from the law, and half of the last digit from the published value.
     let of_law = law.displacements[middle][1] / small;
-    assert!((deflection / of_law - 1.0).abs() < 1e-8, "{deflection} for {of_law}");
-    assert!((deflection / 22.079 - 1.0).abs() < 2.5e-5, "{deflection}");
+    Claim::of("I-3", "deflection of Cook's membrane, 8 x 8 Q4 of lattices, against an elastic law")
+        .value(deflection, of_law)
+        .within(1e-8);
+    Claim::of("H-3", "deflection of Cook's membrane, 8 x 8 Q4 of lattices, against the published one")
+        .value(deflection, 22.079)
+        .within(2.5e-5);
 }
 
 /// I-5. A quarter of a standing shear wave, 20 elements per wave length, driven at the top of a column of lattices.
@@ -187,7 +194,9 @@ fn a_column_of_lattices_carries_a_standing_shear_wave() {
     problem.formulation = Formulation::Corotational;
     let last = through_the_service(&problem, bonded(1.0 / 3.0));
     for (node, moved) in problem.mesh.nodes.iter().zip(&last.displacements) {
-        assert!((moved[0] - shape(node[1])).abs() < 0.01 * amplitude, "{node:?}: {moved:?}");
+        Claim::of("I-5", "largest error over the amplitude, standing shear wave in lattices, 1.25 periods")
+            .error((moved[0] - shape(node[1])) / amplitude)
+            .within(0.01);
     }
 }
 
@@ -218,7 +227,10 @@ fn uniaxial_strain_of_a_bonded_lattice_follows_its_geometry() {
             let ([[xx, xy], [_, yy]], total) = (stress.plane(), deformation.plane());
             assert!((total[1][1] - 0.8).abs() < 1e-12);
             for (found, exact) in [(xx, exact(half, half)), (yy, exact(height, height)), (xy, 0.0)] {
-                assert!((found - exact).abs() < 1e-8, "{formulation:?}: {found:e} {exact:e}");
+                // Young's modulus of these lattices is 1.
+                Claim::of("I-4", "largest error of the stress over Young's modulus, uniaxial strain of 20 %")
+                    .error(found - exact)
+                    .within(1e-8);
             }
         }
     }
@@ -249,14 +261,16 @@ fn a_thick_cylinder_of_lattices_begins_elastically() {
         let radius = place[0].hypot(place[1]);
         let exact = mean * radius / (2.0 * bulk) + ring / (2.0 * shear * radius);
         let found = (moved[0] * place[0] + moved[1] * place[1]) / radius;
-        assert!((found / exact - 1.0).abs() < 5e-3, "r = {radius}: {found:e} {exact:e}");
+        Claim::of("L-4", "radial displacement of a thick cylinder of lattices").value(found, exact).within(5e-3);
     }
     for (place, stress) in last.places.iter().zip(&last.stresses) {
         let (radius, [[xx, xy], [_, yy]]) = (place[0].hypot(place[1]), stress.plane());
         let [cos, sin] = [place[0] / radius, place[1] / radius];
         let radial = xx * cos * cos + 2.0 * xy * cos * sin + yy * sin * sin;
         let exact = mean - ring / (radius * radius);
-        assert!((radial - exact).abs() < 1e-2 * pressure, "r = {radius}: {radial:e} {exact:e}");
+        Claim::of("L-4", "largest error of the radial stress over the pressure, thick cylinder of lattices")
+            .error((radial - exact) / pressure)
+            .within(1e-2);
     }
 }
 
@@ -309,15 +323,18 @@ fn an_element_of_a_frictional_lattice_softens_along_its_closed_form() {
             let angle = (height * FRAC_PI_3.sin()).asin();
             let ratio = -head / width / pressure;
             let exact = closed_form(angle);
-            assert!((ratio / exact - 1.0).abs() < 1e-3, "mu {friction}, height {height}: {ratio} {exact}");
+            Claim::of("I-6", "force on the head over the lateral one, softening lattice in one element")
+                .value(ratio, exact)
+                .within(1e-3);
             // The contacts shorten by some 1e-5 of the diameter under the axial stress, which makes the specimen narrower by 1e-4.
-            assert!(
-                (width / (2.0 * angle.cos()) - 1.0).abs() < 1e-3,
-                "mu {friction}, height {height}: width {width}"
-            );
+            Claim::of("I-6", "width of the element, softening lattice in one element")
+                .value(width, 2.0 * angle.cos())
+                .within(1e-3);
             let local = stress[1][1] / stress[0][0];
             let exact = closed_form((FRAC_PI_3.tan() * height / width).atan());
-            assert!((local / exact - 1.0).abs() < 1e-3, "mu {friction}, height {height}: {local} {exact}");
+            Claim::of("D-9", "stress ratio of the cell at its own inclination, lattice in one element")
+                .value(local, exact)
+                .within(1e-3);
             assert!(ratio < before, "softening throughout");
             before = ratio;
         }

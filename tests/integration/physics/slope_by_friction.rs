@@ -2,6 +2,7 @@
 //! `slope-friction` is reduced until no equilibrium is left; a cell with that friction then carries, in simple shear under a constant
 //! stress across it, as much as the slope asks for.
 
+use claims::Claim;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -71,7 +72,9 @@ fn an_infinite_slope_is_stable_up_to_the_friction_angle_of_its_cells() {
         let share = share_to_spare(folder.path(), tangent);
         let angle = largest_ratio(folder.path(), 0.5 * (1.0 - share)).atan().to_degrees();
         let slope = tangent.atan().to_degrees();
-        assert!((angle - slope).abs() < TOLERANCE, "{slope:.2} degrees hold up to {angle:.2}, {share:.3} to spare");
+        Claim::of("L-5", "friction angle of a cell against the slope that fails, degrees")
+            .value(angle, slope)
+            .within_absolute(TOLERANCE);
         shares.push(share);
     }
     assert!(shares.windows(2).all(|pair| pair[0] > pair[1]), "a steeper slope has less to spare: {shares:?}");

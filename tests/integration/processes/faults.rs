@@ -1,6 +1,7 @@
 //! What happens to real processes when they are killed, stopped or interrupted.
 
 use crate::harness::{Site, Traces, eventually, lives, signal};
+use claims::Claim;
 use rustix::process::Signal;
 use std::path::PathBuf;
 use std::process::Stdio;
@@ -33,9 +34,13 @@ fn ten_killed_workers_change_no_byte_of_the_history() {
     }
     let ended = run.end();
     assert!(ended.status.success(), "{}", ended.stderr);
-    assert_eq!(site.history("disturbed"), site.history("undisturbed"));
+    Claim::of("A-2", "history of a run of which ten workers are killed, against an undisturbed run")
+        .holds(site.history("disturbed") == site.history("undisturbed"));
     assert_eq!(site.summary("undisturbed", "worker_restarts"), 0);
-    assert!(site.summary("disturbed", "worker_restarts") >= 9, "the last may die with the run");
+    // The last may die with the run.
+    Claim::of("A-2", "workers replaced in a run of which ten workers are killed")
+        .number(site.summary("disturbed", "worker_restarts") as f64)
+        .at_least(9.0);
     assert!(site.summary("disturbed", "reissued_jobs") >= 1);
 }
 

@@ -1,6 +1,7 @@
 //! Commands without workers of their own that a person stops: what is done so far is written, and can be gone on from.
 
 use crate::harness::{Site, Watched, children_of, eventually, lives, signal};
+use claims::Claim;
 use rustix::process::Signal;
 use std::fs;
 use std::path::Path;
@@ -70,7 +71,8 @@ fn a_specimen_that_was_stopped_goes_on_from_there() {
     assert!(all.starts_with(&some) && some.lines().count() > 2 && some.len() < all.len(), "{some}");
     let ended = begin("parts", &parts, &[&more[..], &["--resume"]].concat()).end();
     assert!(ended.status.success() && !ended.stderr.contains("no checkpoint"), "{}", ended.stderr);
-    assert_eq!(fs::read_to_string(&parts).unwrap(), all);
+    Claim::of("A-10", "table of a specimen that is interrupted and resumed, against an undisturbed one")
+        .holds(fs::read_to_string(&parts).unwrap() == all);
 }
 
 /// The run of a figure ends with the command that has started it, and the command goes on from there.

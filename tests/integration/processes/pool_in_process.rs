@@ -3,6 +3,7 @@
 //! Claims: answers and committed states are bitwise those of one RVE that is driven directly (checks ),
 //! whatever the number of workers, their caches, the length of slices, and whoever deserts on the way.
 
+use claims::Claim;
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use protocol::control::FromWorker;
@@ -149,12 +150,14 @@ fn pooled_grains_answer_bit_for_bit_like_a_single_cell() {
     let reference = directly();
     for workers in 1..=3 {
         let (journey, statistics) = pooled(&vec![STEADY; workers], 1);
-        assert_eq!(journey, reference, "{workers} workers");
+        Claim::of("A-1", "answers and states of cells with one to three workers, against cells without a pool")
+            .holds(journey == reference);
         assert_eq!(statistics.solved, 2 * u64::from(STEPS) * POINTS as u64);
         assert!(statistics.rve_s > 0.0 && statistics.tangent_s > 0.0);
     }
     let forgetful = [Hand { state_cache: 1, ..STEADY }, Hand { state_cache: 3, ..STEADY }];
-    assert_eq!(pooled(&forgetful, 4).0, reference, "small caches, long slices");
+    Claim::of("A-1", "answers and states with small caches and four trials a message, against no pool")
+        .holds(pooled(&forgetful, 4).0 == reference);
 }
 
 /// Check A-2.
@@ -162,7 +165,8 @@ fn pooled_grains_answer_bit_for_bit_like_a_single_cell() {
 fn deserting_workers_change_nothing() {
     let hands = [Hand { slices: 3, ..STEADY }, STEADY, Hand { slices: 0, ..STEADY }, Hand { slices: 7, ..STEADY }];
     let (journey, statistics) = pooled(&hands, 1);
-    assert_eq!(journey, directly());
+    Claim::of("A-2", "answers and states of cells with four workers of which three desert")
+        .holds(journey == directly());
     assert_eq!(statistics.workers_joined, 4);
     assert!(statistics.workers_lost >= 1 && statistics.reissued >= 1, "{statistics:?}");
 }
@@ -192,8 +196,12 @@ fn equal_cells_under_equal_strain_are_solved_once() {
         })
     };
     let (once, all) = (answers(true), answers(false));
-    assert_eq!((&once.0, &once.1), (&all.0, &all.1));
-    assert_eq!((once.2, all.2), (POINTS as u64 - 1, 0));
+    Claim::of("A-9", "stresses and states of equal trials, answered once and one by one")
+        .holds((&once.0, &once.1) == (&all.0, &all.1));
+    Claim::of("A-9", "duplicates that are not solved, of six equal trials")
+        .value(once.2 as f64, POINTS as f64 - 1.0)
+        .within_absolute(0.0);
+    assert_eq!(all.2, 0);
 }
 
 /// Check A-6 through the whole chain.
@@ -207,12 +215,13 @@ fn a_bad_target_names_the_point_and_leaves_the_state() {
             bad[4].target.0[0] = value;
             bad[2].target.0[0] = value;
             let error = pool.evaluate(&bad).unwrap_err();
-            assert!(matches!(error, MaterialError::Point { point: 2, .. }), "{error}");
+            Claim::of("A-6", "bad targets are refused with the first point that has one")
+                .holds(matches!(error, MaterialError::Point { point: 2, .. }));
             assert!(error.is_curable_by_smaller_step());
             pool.rollback();
         }
         let again: Vec<_> = pool.evaluate(&good).unwrap().iter().map(bits).collect();
-        assert_eq!(again, expected);
+        Claim::of("A-6", "answers after three refused targets against those before").holds(again == expected);
     });
 }
 

@@ -3,6 +3,7 @@
 use super::scripted::{Fault, Stage, questions};
 use crate::material::{MaterialError, PointMaterial};
 use crate::pool::PoolStatistics;
+use claims::Claim;
 use protocol::RveError;
 use std::time::{Duration, Instant};
 
@@ -41,14 +42,20 @@ fn a_silent_worker_is_ended_and_its_jobs_are_done_by_others() {
 #[test]
 fn duplicate_late_and_unknown_replies_are_ignored_and_counted() {
     let twice = evaluate_with(Fault::Twice);
-    assert_eq!((twice.late_replies, twice.unknown_replies, twice.workers_faulty), (1, 0, 0));
+    let quantity = "replies counted as late, where one slice is answered twice";
+    Claim::of("A-5", quantity).value(twice.late_replies as f64, 1.0).within_absolute(0.0);
+    assert_eq!((twice.unknown_replies, twice.workers_faulty), (0, 0));
     let invented = evaluate_with(Fault::Invent);
-    assert_eq!((invented.late_replies, invented.unknown_replies, invented.workers_faulty), (0, 1, 0));
+    let quantity = "replies counted as unknown, where one is about a job that nobody gave out";
+    Claim::of("A-5", quantity).value(invented.unknown_replies as f64, 1.0).within_absolute(0.0);
+    assert_eq!((invented.late_replies, invented.workers_faulty), (0, 0));
     let left = evaluate_with(Fault::LeaveThenAnswer);
     assert_eq!((left.workers_left, left.workers_lost), (1, 0));
-    assert!(left.late_replies >= 1);
+    let quantity = "replies counted as late, of a worker that has left";
+    Claim::of("A-5", quantity).number(left.late_replies as f64).at_least(1.0);
     for statistics in [twice, invented, left] {
-        assert_eq!(statistics.solved, 2 * POINTS as u64, "no answer counts twice");
+        let quantity = "answers taken, with replies that are late, unknown or come twice";
+        Claim::of("A-5", quantity).value(statistics.solved as f64, 2.0 * POINTS as f64).within_absolute(0.0);
     }
 }
 

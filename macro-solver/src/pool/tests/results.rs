@@ -4,6 +4,7 @@ use super::scripted::{Fault, Stage, hello_delivering, questions};
 use crate::checkpoint::Archive;
 use crate::material::{PointMaterial, PointTrial};
 use crate::pool::{Pool, PoolStatistics};
+use claims::Claim;
 use protocol::transport::MacroPort;
 use protocol::{OptionalResult, StateId, Tensor2, TrialResult};
 use std::num::NonZeroUsize;
@@ -38,7 +39,8 @@ fn answers_and_states_do_not_depend_on_workers_arrival_slices_or_caches() {
             stage.settings.jobs_per_message = NonZeroUsize::new(1 + seed as usize % 4).unwrap();
             let mut pool = stage.open(POINTS);
             pool.gather(workers).unwrap();
-            assert_eq!(journey(&mut pool), reference, "{workers} workers, seed {seed}");
+            let quantity = "answers and states with one to eight workers, in any order of arrival";
+            Claim::of("A-1", quantity).holds(journey(&mut pool) == reference);
             assert_eq!(pool.statistics().evaluations, 8 * POINTS as u64);
         }
     }
@@ -101,7 +103,8 @@ fn answers_and_states_do_not_depend_on_faults() {
         let script = [None, Some(fault), None, None, Some(fault), None, Some(fault)];
         let mut stage = Stage::new(seed as u64).hire(9, &script).hire(9, &script[2..]).replacing(10, None);
         let mut pool = stage.open(POINTS);
-        assert_eq!(journey(&mut pool), reference, "{fault:?}");
+        let is_same = journey(&mut pool) == reference;
+        Claim::of("A-1", "answers and states while workers fail in twelve ways").holds(is_same);
     }
 }
 
@@ -166,8 +169,12 @@ fn equal_trials_are_solved_once_with_equal_results() {
     };
     let (with, counted) = walk(true);
     let (without, plain) = walk(false);
-    assert_eq!(with, without);
-    assert_eq!((counted.solved, counted.duplicates_skipped), (3 * 2, 3 * (POINTS as u64 - 2)));
+    Claim::of("A-9", "answers and states with equal trials solved once").holds(with == without);
+    let skipped = 3 * (POINTS as u64 - 2);
+    let quantity = "trials answered by others, three steps of 12 equal trials of two kinds of cells";
+    Claim::of("A-9", quantity).value(counted.duplicates_skipped as f64, skipped as f64).within_absolute(0.0);
+    let quantity = "trials solved, three steps of 12 equal trials of two kinds of cells";
+    Claim::of("A-9", quantity).value(counted.solved as f64, 6.0).within_absolute(0.0);
     assert_eq!((plain.solved, plain.duplicates_skipped), (3 * POINTS as u64, 0));
     assert_eq!(counted.evaluations, plain.evaluations);
 }

@@ -1,6 +1,6 @@
 //! Newton's method with strains averaged over neighbours: tangent, rate, and the answer of other procedures.
 
-use super::tangent::{assert_stiffness_is_derivative, orders, pressed};
+use super::tangent::{orders, pressed, stiffness_error};
 use super::*;
 use crate::formulation::Formulation;
 use crate::material::damage::{DamageLaw, DamageMaterial};
@@ -8,6 +8,7 @@ use crate::nonlocal::{Kernel, NonlocalSettings, Update};
 use crate::observer::Outcome;
 use crate::problem::relaxation::RelaxationSettings;
 use crate::problem::{Applied, MultiPointConstraint, NamedStrategy, Platen, PoreFluid, Procedure, TangentUpdate};
+use claims::Claim;
 
 fn averages(radius: f64) -> NonlocalSettings {
     NonlocalSettings { radius, ..NonlocalSettings::default() }
@@ -28,7 +29,8 @@ fn the_stiffness_with_averages_is_the_derivative_of_the_residual() {
                 let mut problem = pressed(kind);
                 problem.formulation = formulation;
                 problem.stages[0].nonlocal = Some(way.clone());
-                assert_stiffness_is_derivative(&problem, &format!("{kind:?} {formulation:?} {way:?}"));
+                let quantity = "stiffness with averages against differences, over its largest diagonal";
+                Claim::of("K-8", quantity).error(stiffness_error(&problem)).within(1e-8);
             }
         }
     }
@@ -36,7 +38,8 @@ fn the_stiffness_with_averages_is_the_derivative_of_the_residual() {
     problem.formulation = Formulation::Corotational;
     problem.stages[0].nonlocal = Some(averages(1.1));
     problem.pore_fluid = Some(PoreFluid { bulk_modulus: 1e8, from_stage: 0 });
-    assert_stiffness_is_derivative(&problem, "pore fluid");
+    let quantity = "stiffness with averages and pore fluid against differences, over its largest diagonal";
+    Claim::of("K-8", quantity).error(stiffness_error(&problem)).within(1e-8);
 }
 
 /// K-8. The rate of Newton's method at a finite strain is that without averages.
@@ -59,18 +62,18 @@ fn newton_with_averages_converges_quadratically() {
         let mut material = elastic(ElasticLaw::SaintVenant, &problem).with_initial_stress(initial);
         let (run, record) = run(&problem, &mut material);
         assert!(matches!(run.outcome, Outcome::Completed), "{kind:?} {:?}", run.outcome);
-        assert_squares(&record, 1, &format!("{kind:?} adjoint {adjoint}"));
+        let quantity = "correction of an iteration over twice the square of the one before, or over 1e-13";
+        Claim::of("K-8", quantity).number(largest_over_square(&record, 1)).at_most(1.0);
     }
 }
 
-/// Every iteration of a step whose correction is below a twentieth of the step squares it, up to a factor of 2 and until round-off.
-fn assert_squares(record: &Recorder, step: usize, what: &str) {
+/// The largest correction of an iteration over twice the square of the one before it, or over round-off, where that one is below a
+/// twentieth of the step: at most 1 where Newton's method squares its error.
+fn largest_over_square(record: &Recorder, step: usize) -> f64 {
     let ratios = orders(record, step).0;
-    let small: Vec<&[f64]> = ratios.windows(2).filter(|pair| pair[0] < 0.05).collect();
-    assert!(
-        !small.is_empty() && small.iter().all(|pair| pair[1] <= (2.0 * pair[0] * pair[0]).max(1e-13)),
-        "{what}: {ratios:?}"
-    );
+    let small = ratios.windows(2).filter(|pair| pair[0] < 0.05);
+    let shares = small.map(|pair| (pair[1] / (2.0 * pair[0] * pair[0]).max(1e-13)).abs());
+    shares.max_by(f64::total_cmp).unwrap_or_else(|| panic!("no correction is small: {ratios:?}"))
 }
 
 /// Strain at which softening begins.
@@ -122,10 +125,14 @@ fn the_band_of_a_bar_in_equilibrium_does_not_follow_the_mesh() {
     let wide = [20, 40, 80].map(|count| pulled(count, Some(0.2)));
     let figures: Vec<(f64, f64)> = wide.iter().map(|(width, lost, _)| (*width, *lost)).collect();
     for (coarse, fine) in figures.iter().zip(&figures[1..]) {
-        assert!((coarse.0 / fine.0 - 1.0).abs() < 0.02 && (coarse.1 / fine.1 - 1.0).abs() < 0.02, "{figures:?}");
+        let quantity = "width of the band of a bar in equilibrium against a mesh twice as fine, m";
+        Claim::of("K-9", quantity).value(coarse.0, fine.0).within(0.02);
+        let quantity = "lost work of a bar in equilibrium against a mesh twice as fine, J/m2";
+        Claim::of("K-9", quantity).value(coarse.1, fine.1).within(0.02);
     }
     let narrow = [10, 20].map(|count| pulled(count, None).0);
-    assert!(narrow[1] < 0.6 * narrow[0], "{narrow:?}");
+    let quantity = "width of the band over that on a mesh twice as coarse, without averages";
+    Claim::of("K-9", quantity).number(narrow[1] / narrow[0]).at_most(0.6);
     for (_, _, record) in &wide {
         let iterations: Vec<usize> = record.steps.iter().map(|step| step.iterations).collect();
         // The first step beyond the peak is cut back.
@@ -168,14 +175,15 @@ fn all_ways_to_the_answer_agree_with_averages() {
         let relaxed =
             answer(adjoint, &|stage| stage.procedure = Procedure::Relaxation(RelaxationSettings::default()));
         let others = NamedStrategy::ALL.map(|named| answer(adjoint, &|stage| stage.strategy = named.preset()));
-        for (number, other) in others.iter().chain([&relaxed]).enumerate() {
+        let others = others.iter().map(|other| ("other strategies of Newton's method", other));
+        for (what, other) in others.chain([("dynamic relaxation", &relaxed)]) {
             let moved = newton.displacements.iter().flatten().zip(other.displacements.iter().flatten());
             let error = moved.map(|(one, other)| (one - other).abs()).fold(0.0, f64::max) / 0.1;
-            assert!(error < 1e-6, "adjoint {adjoint}, number {number}: {error:e}");
+            Claim::of("K-10", &format!("displacements by {what}, over that of the platen")).error(error).within(1e-6);
             let forces = newton.reactions.iter().flatten().zip(other.reactions.iter().flatten());
             let largest = newton.reactions.iter().flatten().fold(0.0f64, |most, value| most.max(value.abs()));
             let error = forces.map(|(one, other)| (one - other).abs()).fold(0.0, f64::max) / largest;
-            assert!(error < 1e-6, "adjoint {adjoint}, number {number}: {error:e} of the reactions");
+            Claim::of("K-10", &format!("reactions by {what}, over the largest")).error(error).within(1e-6);
         }
     }
 }
@@ -206,5 +214,6 @@ fn periodic_faces_are_in_the_stiffness() {
     stage.tolerances = Tolerances::both(1e-11, 1e-11);
     let (run, record) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
-    assert_squares(&record, 1, "periodic");
+    let share = largest_over_square(&record, 1);
+    assert!(share <= 1.0, "{share}");
 }

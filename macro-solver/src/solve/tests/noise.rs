@@ -5,6 +5,7 @@ use super::*;
 use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
 use crate::problem::NamedStrategy;
+use claims::Claim;
 
 /// Spoils every tangent it hands on, as probes of a cell spoil theirs next to events among its grains.
 struct Noise {
@@ -46,11 +47,14 @@ fn noisy_tangents_cost_iterations_and_not_the_answer() {
             let mut material = Altered { material: weak_at_the_bottom(), alteration };
             let (run, recorder) = run(&problem, &mut material);
             assert!(matches!(run.outcome, Outcome::Completed), "{strategy:?} {share} {seed}: {:?}", run.outcome);
-            let ratio = material.material.largest_strain(0) / exact.largest_strain(0);
-            assert!((ratio - 1.0).abs() < 1e-6, "{strategy:?} {share} {seed}: {ratio}");
-            assert!(recorder.iterations.iter().all(|report| report.force_ratio.is_finite()));
-            assert!(recorder.points.iter().all(|point| point.stress.0.iter().all(|value| value.is_finite())));
-            assert!(run.statistics.cut_backs + run.statistics.stabilised_steps > 0, "{strategy:?} {share} {seed}");
+            let (strain, expected) = (material.material.largest_strain(0), exact.largest_strain(0));
+            let quantity = "largest strain of the point that softens, tangents off by 10 to 50 %";
+            Claim::of("S-8", quantity).value(strain, expected).within(1e-6);
+            let is_finite = recorder.iterations.iter().all(|report| report.force_ratio.is_finite())
+                && recorder.points.iter().all(|point| point.stress.0.iter().all(|value| value.is_finite()));
+            Claim::of("S-8", "forces of every iteration and stresses at the end are finite").holds(is_finite);
+            let smaller = (run.statistics.cut_backs + run.statistics.stabilised_steps) as f64;
+            Claim::of("S-8", "steps that are made smaller or stabilised").number(smaller).at_least(1.0);
         }
     }
 }

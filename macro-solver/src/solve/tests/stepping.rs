@@ -5,6 +5,7 @@ use crate::formulation::Formulation;
 use crate::material::damage::{DamageLaw, DamageMaterial};
 use crate::observer::Outcome;
 use crate::problem::{Amplitude, Applied, MultiPointConstraint, Platen, Predictor, SecantSettings};
+use claims::Claim;
 use protocol::{RveError, Tensor2};
 use std::cell::Cell;
 use std::rc::Rc;
@@ -42,7 +43,8 @@ fn accepted_states_depend_on_accepted_targets_alone() {
         last = replay.evaluate(&trials).unwrap();
         replay.commit().unwrap();
     }
-    assert_eq!(last.iter().map(|answer| answer.stress).collect::<Vec<_>>(), stresses(&record));
+    let is_same = last.iter().map(|answer| answer.stress).collect::<Vec<_>>() == stresses(&record);
+    Claim::of("I-9", "stresses of a replay of the accepted targets alone are the same bits").holds(is_same);
     assert!(finished.statistics.evaluations > 5 * problem.point_count() as u64, "several iterations a step");
 }
 
@@ -213,10 +215,15 @@ fn an_inverted_element_is_refused_before_any_point_is_asked() {
     let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
     let (run, _) = run(&problem, &mut spy);
     match run.outcome {
-        Outcome::DidNotConverge { reason } => assert!(reason.contains("turned inside out"), "{reason}"),
+        Outcome::DidNotConverge { reason } => {
+            let quantity = "the attempt ends with the element that is turned inside out";
+            Claim::of("S-12", quantity).holds(reason.contains("turned inside out"));
+        }
         other => panic!("{other:?}"),
     }
-    assert_eq!(run.statistics.evaluations, problem.point_count() as u64, "those of the initial state");
+    let asked = run.statistics.evaluations as f64 - problem.point_count() as f64;
+    let quantity = "points that are asked after the initial state";
+    Claim::of("S-12", quantity).value(asked, 0.0).within_absolute(0.0);
 }
 
 /// The last step is repeated by the share that the supports repeat, there and back at any pace: a linear body needs no iteration.

@@ -3,6 +3,7 @@
 use super::*;
 use crate::observer::Outcome;
 use crate::problem::{Criteria, NamedStrategy, Platen, Strategy, TangentUpdate};
+use claims::Claim;
 use protocol::TangentKind;
 
 /// A block pressed between rough platens; not linear.
@@ -102,9 +103,16 @@ fn kept_tangents_converge_linearly_and_fresh_ones_quadratically() {
             .collect()
     };
     let fresh = orders(NamedStrategy::Newton);
-    assert!(!fresh.is_empty() && fresh.iter().all(|order| *order > 1.8), "{fresh:?}");
+    assert!(!fresh.is_empty());
+    for order in fresh {
+        Claim::of("T-9", "order of the iteration on a smooth law, fresh tangents").number(order).at_least(1.8);
+    }
     let kept = orders(NamedStrategy::QuasiNewton);
-    assert!(kept.len() > 2 && kept.iter().all(|order| (0.6..1.5).contains(order)), "{kept:?}");
+    assert!(kept.len() > 2, "{kept:?}");
+    for order in kept {
+        let quantity = "order of the iteration on a smooth law, tangents kept from the start of the step";
+        Claim::of("T-9", quantity).number(order).between(0.6, 1.5);
+    }
 }
 
 /// The accepted state of every choice of criteria meets what was asked, and not more than that where it can be told.

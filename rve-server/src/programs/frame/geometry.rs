@@ -333,6 +333,7 @@ impl Neighbours {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use claims::Claim;
     use std::path::Path;
 
     fn packing(name: &str) -> PackingFile<Discs> {
@@ -360,12 +361,16 @@ mod tests {
             let frame = FrameGeometry::of(&packing).unwrap();
             let side = frame.area.sqrt();
             let sum = frame.areas.iter().fold([0.0; 2], |sum, area| [sum[0] + area[0], sum[1] + area[1]]);
-            assert!(sum.iter().all(|component| component.abs() < 1e-12 * side), "{name}: {sum:?}");
+            for component in sum {
+                let quantity = "sum of the area vectors of a frame over its side";
+                Claim::of("E-8", quantity).error(component / side).within(1e-12);
+            }
             let f = deformation_gradient(&frame, &frame.positions[..frame.boundary]);
             for (i, row) in f.iter().enumerate() {
                 for (j, value) in row.iter().enumerate() {
                     let unit = if i == j { 1.0 } else { 0.0 };
-                    assert!((value - unit).abs() < 1e-12, "{name}: F = {f:?}");
+                    let quantity = "unit tensor from the area vectors of a frame and its grains";
+                    Claim::of("E-8", quantity).error(value - unit).within(1e-12);
                 }
             }
         }

@@ -5,6 +5,7 @@ use super::{
 };
 use crate::definition::PackingFile;
 use crate::space::{Discs, Spheres};
+use claims::Claim;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -61,14 +62,17 @@ fn check<S: super::SpecimenFor>(text: &str, file: &str) {
     for (number, state) in states.iter().enumerate() {
         let (late, others, same) = run(&test, &packing, Some(state)).unwrap();
         let from = rows.len() - late.len();
-        assert!(from > 0 && late == rows[from..], "state {number}");
-        assert!(others == states[number + 1..] && same == summary, "state {number}: {same:?}, {summary:?}");
+        assert!(from > 0, "state {number}");
+        Claim::of("A-10", "rows after going on from a state").holds(late == rows[from..]);
+        Claim::of("A-10", "later states after going on from a state").holds(others == states[number + 1..]);
+        Claim::of("A-10", "summary after going on from a state").holds(same == summary);
     }
     // A run that a person stops, in the midst of a stage and with its last step.
     for last in [(0, 300), (0, test.stage[0].steps), (1, 0)] {
         let (early, state) = stopped(&test, &packing, last);
         let (late, _, same) = run(&test, &packing, Some(&state)).unwrap();
-        assert!([early, late].concat() == rows && same == summary, "stopped at {last:?}: {same:?}, {summary:?}");
+        let is_same = [early, late].concat() == rows && same == summary;
+        Claim::of("A-10", "rows and summary of a run that is stopped by hand and continued").holds(is_same);
     }
     for broken in [&states[0][..states[0].len() - 8], &[][..], &[0xff; 800][..]] {
         assert!(matches!(run(&test, &packing, Some(broken)), Err(SpecimenError::Unfit)));

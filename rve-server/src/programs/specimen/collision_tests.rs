@@ -9,6 +9,7 @@ use crate::contact::{
     TangentialUnloading,
 };
 use crate::space::Spheres;
+use claims::Claim;
 
 const RADIUS: f64 = 0.01;
 const MASS: f64 = 0.02;
@@ -64,7 +65,8 @@ fn linear_dashpot_without_tension_has_its_restitution() {
         };
         assert!((closed_form / expected - 1.0).abs() < 1e-4, "{closed_form} against the tabulated {expected}");
         let found = restitution(law, ratio, 1.0, step);
-        assert!((found / closed_form - 1.0).abs() < 1e-4, "damping ratio {ratio}: {found}, expected {expected}");
+        let quantity = format!("restitution of a linear spring and dashpot that never pull, damping ratio {ratio}");
+        Claim::of("C-5", &quantity).value(found, closed_form).within(1e-4);
     }
 }
 
@@ -98,7 +100,8 @@ fn hertzian_dashpot_has_one_restitution_at_every_speed() {
         for speed in [0.1f64, 1.0] {
             let step = 1.5e-4 * speed.powf(-0.2) / 20_000.0;
             let found = restitution(law, gamma, speed, step);
-            assert!((found - expected).abs() < 1e-3, "gamma {gamma} at {speed} m/s: {found}, expected {expected}");
+            let quantity = format!("restitution of a Hertzian spring and dashpot at {speed} m/s");
+            Claim::of("C-6", &quantity).value(found, expected).within(1e-3);
         }
     }
 }

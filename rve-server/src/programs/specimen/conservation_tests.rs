@@ -10,6 +10,7 @@ use super::wall::{Wall, WallDrive};
 use crate::contact::PlainLinear;
 use crate::simd::Tuple;
 use crate::space::{Discs, Spheres};
+use claims::Claim;
 use nalgebra::Vector3;
 
 const FRICTION: f64 = 0.4;
@@ -71,7 +72,7 @@ fn swarm<S: SpecimenSpace>(side: usize, centre: [f64; 3]) -> Body<S, PlainLinear
 /// branch, their angular momentum.
 #[test]
 fn collisions_with_friction_keep_both_momenta() {
-    fn check<S: SpecimenSpace>(side: usize) {
+    fn check<S: SpecimenSpace>(side: usize, grains: &str) {
         let mut dynamics = Dynamics::new(swarm::<S>(side, [0.02, -0.03, 0.01]), Vec::new(), still());
         let (before, _) = momenta(&dynamics);
         let mut busiest = 0;
@@ -83,11 +84,13 @@ fn collisions_with_friction_keep_both_momenta() {
         assert!(dynamics.works[0] > 0.0 && dynamics.contacts.elastic_energy >= 0.0);
         let (after, [linear, angular]) = momenta(&dynamics);
         let change = [0, 1].map(|kind: usize| (after[kind] - before[kind]).norm());
-        assert!(change[0] < 1e-12 * linear, "momentum changed by {:e} of {linear:e}", change[0]);
-        assert!(change[1] < 1e-10 * angular, "angular momentum changed by {:e} of {angular:e}", change[1]);
+        let quantity = format!("momentum that {grains} with friction gain, over the sum of its sizes");
+        Claim::of("B-3", &quantity).error(change[0] / linear).within(1e-12);
+        let quantity = format!("angular momentum that {grains} with friction gain, over the sum of its sizes");
+        Claim::of("B-3", &quantity).error(change[1] / angular).within(1e-10);
     }
-    check::<Discs>(5);
-    check::<Spheres>(3);
+    check::<Discs>(5, "25 discs");
+    check::<Spheres>(3, "27 spheres");
 }
 
 /// B-3: in a closed box the momentum changes by what the walls give and by nothing else.
@@ -117,7 +120,8 @@ fn in_a_closed_box_the_walls_alone_change_the_momentum() {
     let (after, [linear, _]) = momenta(&dynamics);
     assert!(size > linear, "impulses of {size} against a momentum of {linear}");
     let open = (after[0] - before[0] - impulse).norm();
-    assert!(open < 1e-12 * (linear + size), "{open:e} of {size:e} are not accounted for");
+    let quantity = "momentum in a closed box that the impulses of its walls leave open, over both sizes";
+    Claim::of("B-3", quantity).error(open / (linear + size)).within(1e-12);
 }
 
 /// B-2, the first 60 000 steps; a million are in the release suite.
@@ -125,7 +129,9 @@ fn in_a_closed_box_the_walls_alone_change_the_momentum() {
 fn energy_of_a_smooth_elastic_gas_stays() {
     let drift = drift(60_000);
     assert!(drift.busy > 0.2, "{drift:?}");
-    assert!(drift.largest < 5e-5 && drift.secular.abs() < 2e-5, "{drift:?}");
+    Claim::of("B-2", "largest change of the energy of a gas, 60 000 steps").error(drift.largest).within(5e-5);
+    let quantity = "energy of a gas, mean of the last tenth less that of the first, 60 000 steps";
+    Claim::of("B-2", quantity).error(drift.secular).within(2e-5);
 }
 
 /// Cohesive discs store less than nothing between held walls: what is missing is measured by the sizes of the energies.

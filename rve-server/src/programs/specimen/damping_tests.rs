@@ -10,6 +10,7 @@ use crate::contact::{ContactTable, PlainLinear};
 use crate::definition::{Damping, GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::space::Discs;
+use claims::Claim;
 use protocol::{RveSolver, Tensor2, TrialOptions};
 use std::path::Path;
 
@@ -62,9 +63,11 @@ fn local_damping_takes_its_share_of_every_cycle_at_any_rate() {
         let share = ((1.0 - coefficient) / (1.0 + coefficient)).powi(2);
         for stiffness in [STIFFNESS, 100.0 * STIFFNESS] {
             let left = amplitude_left(held(coefficient, stiffness, 0.0)).powi(2);
-            assert!((left / share - 1.0).abs() < 2e-3, "{coefficient}: {left} is left, not {share}");
+            let quantity = format!("energy left after one cycle, damping coefficient {coefficient}");
+            Claim::of("B-8", &quantity).value(left, share).within(2e-3);
             if coefficient == 0.01 {
-                assert!(((1.0 - left) / (4.0 * coefficient) - 1.0).abs() < 0.05, "loss {}", 1.0 - left);
+                let quantity = "energy lost in one cycle, damping coefficient 0.01, against four times that";
+                Claim::of("B-8", quantity).value(1.0 - left, 4.0 * coefficient).within(0.05);
             }
         }
     }
@@ -76,7 +79,8 @@ fn local_damping_takes_its_share_of_every_cycle_at_any_rate() {
 fn local_damping_is_blind_to_a_swing_on_a_drift() {
     let swing = SUNK * (2.0 * STIFFNESS / MASS).sqrt();
     let left = amplitude_left(held(0.7, STIFFNESS, 10.0 * swing));
-    assert!((left - 1.0).abs() < 2e-3, "{left}");
+    let quantity = "amplitude left after one cycle on a drift faster than the swing, damping coefficient 0.7";
+    Claim::of("B-8", quantity).value(left, 1.0).within(2e-3);
 }
 
 /// B-8: the flow of a strained cell moves grains about the origin; another origin superposes a rigid velocity on all of them,
@@ -106,6 +110,7 @@ fn cells_do_not_damp_a_superposed_rigid_velocity() {
     for cells in [1.0, 20.5] {
         let found = stress_from(cells);
         let error = found.0.iter().zip(expected.0).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs())) / 1e5;
-        assert!(error < 1e-10, "{cells} cells away: {error:e}");
+        let quantity = "change of a cell's stress by a superposed rigid velocity, over 100 kPa";
+        Claim::of("B-8", quantity).error(error).within(1e-10);
     }
 }

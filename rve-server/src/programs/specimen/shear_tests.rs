@@ -10,6 +10,7 @@ use crate::contact::PlainLinear;
 use crate::definition::{GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::space::{Discs, Spheres};
+use claims::Claim;
 use protocol::{RveSolver, Tensor2, TrialOptions};
 use std::path::Path;
 
@@ -40,9 +41,9 @@ fn slide(dynamics: &mut Dynamics<Discs, PlainLinear>, way: f64, steps: u32) {
     }
 }
 
-fn assert_energy_is_accounted_for(dynamics: &Dynamics<Discs, PlainLinear>, within: f64) {
-    let (missing, turnover) = (dynamics.missing_energy(), dynamics.energy_turnover());
-    assert!(missing.abs() < within * turnover, "{missing:e} of {turnover:e} J are missing");
+/// Energy that is not accounted for, over all that was turned over.
+fn missing_share(dynamics: &Dynamics<Discs, PlainLinear>) -> f64 {
+    dynamics.missing_energy() / dynamics.energy_turnover()
 }
 
 /// B-11: three discs that do not rotate, the outer ones glued: the middle one goes half the way, both contacts slip by that half and turn
@@ -62,14 +63,18 @@ fn glued_layers_shear_a_grain_between_them_like_two_springs_in_series() {
     let half = 0.5 * way;
     let expected = TANGENTIAL * half - STIFFNESS * press * half / branch;
     let [low, high] = [0, 1].map(|wall: usize| dynamics.walls[wall].force);
-    assert!((-high[0] / expected - 1.0).abs() < 1e-4, "{high:?} against {expected}");
-    assert!((low[0] / expected - 1.0).abs() < 1e-4, "{low:?} against {expected}");
+    for force in [-high[0], low[0]] {
+        let quantity = "shear force of glued layers, two springs in series";
+        Claim::of("B-11", quantity).value(force, expected).within(1e-4);
+    }
     assert!((dynamics.walls[1].normal_force() / (STIFFNESS * press) - 1.0).abs() < 1e-6);
-    assert!((dynamics.body.grains[1].position[0] / half - 1.0).abs() < 1e-6);
+    let moved = dynamics.body.grains[1].position[0];
+    Claim::of("B-11", "displacement of a grain between glued layers").value(moved, half).within(1e-6);
     assert_eq!(dynamics.body.grains[0].position, [0.0, RADIUS], "the lower layer is held");
     assert!((dynamics.walls[1].slid[0] / way - 1.0).abs() < 1e-9);
     assert!((dynamics.shear_work / (0.5 * expected * way) - 1.0).abs() < 2e-2, "{}", dynamics.shear_work);
-    assert_energy_is_accounted_for(&dynamics, 1e-6);
+    let quantity = "energy missing over the energy turned over, glued layers";
+    Claim::of("B-11", quantity).error(missing_share(&dynamics)).within(1e-6);
 }
 
 /// B-11: between rough plates without glue a disc that cannot rotate slides under `mu N`, and friction takes what the plate gives. A
@@ -88,13 +93,18 @@ fn rough_walls_shear_a_grain_by_the_friction_limit_and_roll_a_free_one() {
         });
         let shear = -dynamics.walls[1].force[0];
         if rotations_free {
-            assert!(shear.abs() < 0.02 * normal, "{shear} of {normal}");
-            assert!((dynamics.body.grains[0].position[0] / (0.5 * way) - 1.0).abs() < 0.05);
+            let quantity = "shear force over the normal force, grain that rolls between rough walls";
+            Claim::of("B-11", quantity).error(shear / normal).missed_up_to(0.02).within(1e-3);
+            let rolled = dynamics.body.grains[0].position[0];
+            let quantity = "displacement of a grain that rolls between rough walls";
+            Claim::of("B-11", quantity).value(rolled, 0.5 * way).missed_up_to(0.05).within(1e-3);
         } else {
-            assert!((shear / (0.3 * normal) - 1.0).abs() < 1e-3, "{shear} of {normal}");
+            let quantity = "shear force of a grain that slides between rough walls";
+            Claim::of("B-11", quantity).value(shear, 0.3 * normal).within(1e-3);
             assert!(dynamics.works[0] > 0.8 * dynamics.shear_work && dynamics.shear_work > 0.0);
         }
-        assert_energy_is_accounted_for(&dynamics, 1e-2);
+        let quantity = "energy missing over the energy turned over, rough walls";
+        Claim::of("B-11", quantity).error(missing_share(&dynamics)).missed_up_to(1e-2).within(1e-3);
     }
 }
 
@@ -112,10 +122,12 @@ fn a_servo_wall_holds_its_force_while_it_slides() {
     });
     assert!((dynamics.walls[1].normal_force() / 50.0 - 1.0).abs() < 1e-6);
     slide(&mut dynamics, 5e-6, 20_000);
-    assert!((dynamics.walls[1].normal_force() / 50.0 - 1.0).abs() < 1e-3, "{}", dynamics.walls[1].normal_force());
+    let quantity = "normal force that a servo holds while its wall slides";
+    Claim::of("B-11", quantity).value(dynamics.walls[1].normal_force(), 50.0).within(1e-3);
     // The middle one is turned by u / 2 over the branch against both, and gives no more to the side than that.
     assert!(-dynamics.walls[1].force[0] > 0.9 * TANGENTIAL * 2.5e-6);
-    assert_energy_is_accounted_for(&dynamics, 1e-3);
+    let quantity = "energy missing over the energy turned over, wall that a servo moves";
+    Claim::of("B-11", quantity).error(missing_share(&dynamics)).within(1e-3);
 }
 
 /// One disc that touches its own images: a square lattice.
@@ -169,17 +181,17 @@ fn a_lattice_sheared_past_itself_has_the_stress_of_its_images() {
         let scale = STIFFNESS * RADIUS * RADIUS;
         for i in 0..2 {
             for j in 0..2 {
-                assert!(
-                    (found[i][j] - expected[i][j]).abs() < 1e-9 * scale,
-                    "{angle}: {found:?} against {expected:?}"
-                );
+                let quantity = "force times branch in a lattice sheared past itself, over k_n R^2";
+                Claim::of("B-9", quantity).error((found[i][j] - expected[i][j]) / scale).within(1e-9);
             }
         }
     }
     assert!((dynamics.body.period(1).unwrap()[0] / (2.2 * dynamics.body.period(1).unwrap()[1]) - 1.0).abs() < 1e-9);
     let stored = dynamics.contacts.elastic_energy - start;
-    assert!((dynamics.shear_work / stored - 1.0).abs() < 1e-3, "{} of {stored}", dynamics.shear_work);
-    assert_energy_is_accounted_for(&dynamics, 1e-4);
+    let quantity = "work of the sides against the energy that the contacts store, shear by 2.2";
+    Claim::of("B-9", quantity).value(dynamics.shear_work, stored).within(1e-3);
+    let quantity = "energy missing over the energy turned over, shear by 2.2";
+    Claim::of("B-9", quantity).error(missing_share(&dynamics)).within(1e-4);
 }
 
 /// B-9: small shear of the square lattice with friction: `k_t/2` in shear, less the turned normal force where nothing rotates.
@@ -195,7 +207,9 @@ fn a_lattice_has_the_shear_modulus_of_its_tangential_springs() {
         let found = 0.5 * (sum[0][1] + sum[1][0]) / (side * side);
         let turned = STIFFNESS * (2.0 * RADIUS - side) / side * angle;
         let expected = 0.5 * TANGENTIAL * angle - turned;
-        assert!((found / expected - 1.0).abs() < 1e-5, "free {rotations_free}: {found} against {expected}");
+        let rotations = if rotations_free { "free" } else { "blocked" };
+        let quantity = format!("shear modulus of a square lattice with friction, rotations {rotations}");
+        Claim::of("B-9", &quantity).value(found / angle, expected / angle).within(1e-5);
         if rotations_free {
             assert!((dynamics.rotations[0][0] / (-0.5 * angle) - 1.0).abs() < 1e-6, "{:?}", dynamics.rotations);
         }
@@ -270,7 +284,6 @@ fn periodic_sides_strain_a_packing_as_its_cell_is_strained() {
     let contact = test.contact_without_damping();
     let options = RveOptions { tolerance: Some(1e-6), strain_per_step: Some(1e-6), ..RveOptions::default() };
     let mut cell = GrainRve::<Discs>::new(&GrainDefinition { packing, contact, options }).unwrap();
-    let mut worst: f64 = 0.0;
     for (number, row) in rows.iter().enumerate() {
         let share = (number + 1) as f64 / 5.0;
         assert!(
@@ -287,10 +300,10 @@ fn periodic_sides_strain_a_packing_as_its_cell_is_strained() {
         let expected = [stress[0], stress[4], 0.5 * (stress[1] + stress[3])];
         let found = [row.contact_stress[0], row.contact_stress[1], row.contact_stress[3]];
         for (found, expected) in found.iter().zip(expected) {
-            worst = worst.max((found - expected).abs() / expected.abs());
+            let quantity = "stress component of a periodic specimen against that of the periodic cell";
+            Claim::of("B-10", quantity).value(*found, expected).within(2e-3);
         }
     }
-    assert!(worst < 2e-3, "largest difference of a stress component over the cell's: {worst}");
 }
 
 /// A layer between glued walls: sheared at constant normal stress, its energy adds up, the shear stress of both walls is that of

@@ -9,6 +9,7 @@ use super::wall::{Wall, WallDrive};
 use crate::contact::{LinearSprings, NormalStiffness, PlainLinear};
 use crate::simd::Tuple;
 use crate::space::{Discs, Spheres};
+use claims::Claim;
 
 pub(super) const RADIUS: f64 = 0.01;
 pub(super) const MASS: f64 = 0.02;
@@ -66,13 +67,14 @@ fn run_until<S: SpecimenSpace>(dynamics: &mut Dynamics<S, PlainLinear>, time: f6
 /// v / (3 mu g).
 #[test]
 fn sliding_turns_into_rolling() {
-    fn check<S: SpecimenSpace>(share: f64, duration: f64) {
+    fn check<S: SpecimenSpace>(grain: &str, share: f64, duration: f64) {
         let (friction, speed) = (0.3, 0.5);
         let mut dynamics = on_incline::<S>(0.0, friction, speed);
         let instant = duration * speed / (friction * GRAVITY);
         run_until(&mut dynamics, 0.9 * instant);
         let sliding = speed - friction * GRAVITY * dynamics.time;
-        assert!((dynamics.body.grains[0].velocity.as_ref()[0] / sliding - 1.0).abs() < 1e-3, "still slides");
+        let found = dynamics.body.grains[0].velocity.as_ref()[0];
+        Claim::of("C-13", &format!("speed of a {grain} that still slides")).value(found, sliding).within(1e-3);
         run_until(&mut dynamics, 1.5 * instant);
         // The tangential spring keeps ringing by mu m g / k_t after the grain has caught; the mean does not.
         let (mut velocity, mut spin, steps) = (0.0, 0.0, 4000);
@@ -82,17 +84,19 @@ fn sliding_turns_into_rolling() {
             velocity += grain.velocity.as_ref()[0] / f64::from(steps);
             spin -= grain.spin.as_ref()[grain.spin.as_ref().len() - 1] / f64::from(steps);
         }
-        assert!((velocity / (share * speed) - 1.0).abs() < 1e-3, "{velocity} is not {share} of {speed}");
-        assert!((spin * RADIUS / velocity - 1.0).abs() < 1e-3, "spin {spin} at {velocity}");
+        let quantity = format!("speed of a {grain} that slid and rolls, over that at the start");
+        Claim::of("C-13", &quantity).value(velocity / speed, share).within(1e-3);
+        let quantity = format!("speed of the surface of a {grain} that rolls against that of its centre");
+        Claim::of("C-13", &quantity).value(spin * RADIUS, velocity).within(1e-3);
     }
-    check::<Discs>(2.0 / 3.0, 1.0 / 3.0);
-    check::<Spheres>(5.0 / 7.0, 2.0 / 7.0);
+    check::<Discs>("disc", 2.0 / 3.0, 1.0 / 3.0);
+    check::<Spheres>("sphere", 5.0 / 7.0, 2.0 / 7.0);
 }
 
 /// C-14: rolls down with 2/3 (disc) or 5/7 (sphere) of g sin, or slides if too steep.
 #[test]
 fn incline_is_rolled_or_slid_down() {
-    fn check<S: SpecimenSpace>(rolling_share: f64, spin_factor: f64) {
+    fn check<S: SpecimenSpace>(kind: &str, rolling_share: f64, spin_factor: f64) {
         let angle = 0.3f64;
         for friction in [0.5, 0.05] {
             let mut dynamics = on_incline::<S>(angle, friction, 0.0);
@@ -110,16 +114,19 @@ fn incline_is_rolled_or_slid_down() {
             let grain = dynamics.body.grains[0];
             let velocity = grain.velocity.as_ref()[0];
             let spin = grain.spin.as_ref().iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-            assert!((velocity / (acceleration * time) - 1.0).abs() < 1e-3, "friction {friction}: {velocity}");
-            assert!((spin / (spin_rate * time) - 1.0).abs() < 1e-3, "friction {friction}: spin {spin}");
+            let motion = if rolls { "rolls" } else { "slides" };
+            let quantity = format!("speed of a {kind} that {motion} down a slope");
+            Claim::of("C-14", &quantity).value(velocity, acceleration * time).within(1e-3);
+            let quantity = format!("spin of a grain that {motion} down a slope");
+            Claim::of("C-14", &quantity).value(spin, spin_rate * time).within(1e-3);
         }
     }
     // tan(angle) below 3 mu (disc) or 7/2 mu (sphere) rolls.
     fn spin_factor_limit(rolling_share: f64) -> f64 {
         1.0 / (1.0 - rolling_share)
     }
-    check::<Discs>(2.0 / 3.0, 2.0);
-    check::<Spheres>(5.0 / 7.0, 2.5);
+    check::<Discs>("disc", 2.0 / 3.0, 2.0);
+    check::<Spheres>("sphere", 5.0 / 7.0, 2.5);
 }
 
 /// Restitution of a linear spring and dashpot that never pull, damping ratio below the square root of 1/2.
@@ -145,7 +152,8 @@ fn bounces_reach_the_height_that_restitution_leaves() {
         let fall = (2.0 * height / GRAVITY).sqrt();
         run_until(&mut dynamics, 0.5 * fall);
         let fallen = RADIUS + height - dynamics.body.grains[0].position[1];
-        assert!((fallen / (0.5 * GRAVITY * dynamics.time * dynamics.time) - 1.0).abs() < 1e-3);
+        let expected = 0.5 * GRAVITY * dynamics.time * dynamics.time;
+        Claim::of("C-15", "height that a grain has fallen").value(fallen, expected).within(1e-3);
         let mut apexes = Vec::new();
         let mut rising = false;
         while apexes.len() < 2 {
@@ -160,10 +168,13 @@ fn bounces_reach_the_height_that_restitution_leaves() {
         let share = restitution(ratio).powi(2);
         for (bounce, apex) in apexes.iter().enumerate() {
             let expected = height * share.powi(bounce as i32 + 1);
-            assert!(
-                (apex / expected - 1.0).abs() < 1e-3,
-                "ratio {ratio}, bounce {bounce}: {apex} against {expected}"
-            );
+            let quantity = format!("height of the first two bounces, damping ratio {ratio}");
+            Claim::of("C-15", &quantity).value(*apex, expected).within(1e-3);
+        }
+        if ratio > 0.0 {
+            let found = (apexes[1] / apexes[0]).sqrt();
+            let quantity = "restitution of a grain that bounces under gravity, from the heights of two bounces";
+            Claim::of("C-5", quantity).value(found, restitution(ratio)).within(1e-3);
         }
     }
 }
@@ -192,9 +203,12 @@ fn stack_between_plates_rests_where_springs_in_series_do() {
     let upper = dynamics.body.grains[1].position[1];
     let found = [RADIUS - lower, 2.0 * RADIUS - (upper - lower), upper + RADIUS - gap];
     for (found, expected) in found.iter().zip(expected) {
-        assert!((found / expected - 1.0).abs() < 1e-3, "{found} against {expected}");
+        let quantity = "overlap of a contact of two grains stacked between plates";
+        Claim::of("C-15", quantity).value(*found, expected).within(1e-3);
     }
-    assert!((dynamics.walls[1].normal_force() / (STIFFNESS * expected[2]) - 1.0).abs() < 1e-3);
+    let force = dynamics.walls[1].normal_force();
+    let quantity = "force on the upper plate over two stacked grains";
+    Claim::of("C-15", quantity).value(force, STIFFNESS * expected[2]).within(1e-3);
 }
 
 /// A wall under force control brings a column of grains to that force.

@@ -6,6 +6,7 @@ use super::dynamics::{Dynamics, Motion};
 use super::tests::{MASS, RADIUS, STIFFNESS, law, still};
 use crate::contact::{LinearSprings, PlainLinear};
 use crate::space::Discs;
+use claims::Claim;
 use std::f64::consts::TAU;
 
 /// Overlap of the contacts at rest over the diameter.
@@ -85,10 +86,13 @@ fn chain_has_the_dispersion_of_its_steps() {
             }
             let half_turn = (0.5 * (1.0 - 0.5 * product / square)).sqrt();
             let exact = 2.0 * (0.5 * number * spacing()).sin().abs();
-            assert!((half_turn / (0.5 * step * exact) - 1.0).abs() < 1e-4, "step {step}, {waves} waves: {half_turn}");
+            let quantity = format!("sin(w dt/2) of waves in a chain, steps of {step} sqrt(m/k)");
+            Claim::of("B-5", &quantity).value(half_turn, 0.5 * step * exact).within(1e-4);
             if waves == 1 {
                 let sound = 2.0 * half_turn.asin() / (step * number * spacing());
-                assert!((sound - 1.0).abs() < 1e-4, "sound {sound}");
+                let quantity =
+                    format!("speed of the longest wave in a chain over d sqrt(k/m), steps of {step} sqrt(m/k)");
+                Claim::of("B-5", &quantity).value(sound, 1.0).within(1e-4);
             }
         }
     }
@@ -147,10 +151,9 @@ fn sound_in_the_triangular_crystal_is_that_of_its_moduli() {
             for (is_shear, expected) in [false, true].into_iter().zip(expected) {
                 let found = sound(ratio, along, is_shear);
                 let kind = if is_shear { "shear" } else { "pressure" };
-                assert!(
-                    (found / expected - 1.0).abs() < 0.01,
-                    "k_t {ratio}, axis {along}, {kind}: {found} {expected}"
-                );
+                let way = if along == 0 { "along" } else { "across" };
+                let quantity = format!("speed of {kind} waves {way} the rows over d sqrt(k_n/m)");
+                Claim::of("B-6", &quantity).value(found, expected).within(0.01);
             }
         }
     }

@@ -5,6 +5,7 @@ use crate::cell::Cell;
 use crate::contact::{LinearSprings, NormalStiffness, PlainLinear};
 use crate::solver::kernel::StepSums;
 use crate::space::{Components, Discs, Space, Spheres, plane, scaled};
+use claims::Claim;
 use proptest::prelude::*;
 
 const STIFFNESS: f64 = 3.0e4;
@@ -57,7 +58,8 @@ proptest! {
         let couple = Couple::new(law, [1.0, 1.5], [0.3, -0.7], branch);
         let along = (couple.force(0)[0] * branch[0] + couple.force(0)[1] * branch[1]) / length;
         let expected = if gap < 0.0 { -STIFFNESS * (-gap - cohesion) } else { 0.0 };
-        prop_assert!((along - expected).abs() <= 1e-12 * STIFFNESS);
+        let quantity = "force of linear springs with and without cohesion, over the stiffness";
+        Claim::of("C-1", quantity).error((along - expected) / STIFFNESS).within(1e-12);
         prop_assert_eq!(couple.force(0)[0], -couple.force(1)[0]);
         prop_assert_eq!(couple.force(0)[1], -couple.force(1)[1]);
     }
@@ -77,17 +79,24 @@ proptest! {
         let turned = history([0.4, -0.2], angle);
         let expected = plane::apply(&plane::rotation(angle), plain.force(0));
         for (force, wanted) in turned.force(0).iter().zip(&expected) {
-            prop_assert!((force - wanted).abs() <= 1e-13 * STIFFNESS);
+            let quantity = "change of the force by moving and turning a pair of discs, over the stiffness";
+            Claim::of("C-17", quantity).error((force - wanted) / STIFFNESS).missed_up_to(1e-13).within(1e-14);
         }
         for grain in 0..2 {
-            prop_assert!((turned.moment(grain) - plain.moment(grain)).abs() <= 1e-13 * STIFFNESS);
+            let change = turned.moment(grain) - plain.moment(grain);
+            let quantity = "change of the moment by moving and turning a pair of discs, over the stiffness";
+            Claim::of("C-17", quantity).error(change / STIFFNESS).missed_up_to(1e-13).within(1e-14);
         }
 
         let mut swapped = Couple::new(LAW, [1.5, 1.0], [2.45, 0.0], [-2.45, 0.0]);
         swapped.0.grains[0].position = [2.45 + press, slide];
         swapped.move_end([0.0, 0.0], [spins[1], spins[0]]);
-        prop_assert!((swapped.tangential_force() - plain.tangential_force()).abs() <= 1e-14 * STIFFNESS);
-        prop_assert!((swapped.moment(1) - plain.moment(0)).abs() <= 1e-14 * STIFFNESS);
+        let changes =
+            [swapped.tangential_force() - plain.tangential_force(), swapped.moment(1) - plain.moment(0)];
+        for change in changes {
+            let quantity = "change of force and moment by exchanging the discs of a pair, over the stiffness";
+            Claim::of("C-17", quantity).error(change / STIFFNESS).within(1e-14);
+        }
     }
 }
 
@@ -118,8 +127,11 @@ fn tangential_cycle_loses_what_friction_takes() {
         let back = run(step, 2 * steps);
         let (work, lost) = (there.0 + back.0, there.1 + back.1);
         let scale = FRICTION * normal * amplitude;
-        assert!((work - expected).abs() < 1e-10 * scale, "work {work} against {expected}");
-        assert!((lost - expected).abs() < 1e-10 * scale, "ledger {lost} against {expected}");
+        let regime = if expected > 0.0 { "above" } else { "below" };
+        let quantity = format!("work of a tangential cycle {regime} the Coulomb limit over mu N s, discs");
+        Claim::of("C-12", &quantity).value(work / scale, expected / scale).within_absolute(1e-10);
+        let quantity = "loss in a tangential cycle by the ledger over mu N s, discs";
+        Claim::of("C-12", quantity).value(lost / scale, expected / scale).within_absolute(1e-10);
     }
 }
 
@@ -138,12 +150,14 @@ fn full_rigid_turn_leaves_the_contact_as_it_was() {
         couple.move_end([0.0, 0.0], [turn, turn]);
         if step == steps / 4 {
             let expected = plane::apply(&plane::rotation(std::f64::consts::FRAC_PI_2), start.force(0));
-            assert!((couple.force(0)[0] - expected[0]).abs() < 1e-10 * STIFFNESS);
-            assert!((couple.force(0)[1] - expected[1]).abs() < 1e-10 * STIFFNESS);
+            for (found, wanted) in couple.force(0).iter().zip(&expected) {
+                let quantity = "force after a quarter turn of a pair of discs, over the stiffness";
+                Claim::of("C-16", quantity).error((found - wanted) / STIFFNESS).within(1e-10);
+            }
         }
     }
-    let change = couple.tangential_force() / start.tangential_force() - 1.0;
-    assert!(change.abs() < 1e-10, "tangential force changed by {change:e}");
+    let quantity = "tangential force after a full turn of a pair of discs";
+    Claim::of("C-16", quantity).value(couple.tangential_force(), start.tangential_force()).within(1e-10);
 }
 
 /// A contact that opens lets go of its history; when it closes again it starts from zero.
@@ -188,11 +202,14 @@ fn check_critical_step<S: Space>(rows: S::Tensor, basis: &[S::Vector], ratio: f6
     let sample = crystal::<S>(rows, basis, ratio);
     let below = sample.clone().growth(0.99 * critical);
     let above = sample.clone().growth(1.01 * critical);
-    assert!(below < 1e2, "ratio {ratio}: motion grew {below:e} times below the critical step {critical}");
-    assert!(above > 1e4, "ratio {ratio}: motion grew only {above:e} times above the critical step {critical}");
+    let grains = if S::DIMENSION == 2 { "discs" } else { "spheres" };
+    let quantity = format!("growth of the motion in steps of 0.99 times the critical one, crystals of {grains}");
+    Claim::of("B-4", &quantity).number(below).at_most(1e2);
+    let quantity = format!("growth of the motion in steps of 1.01 times the critical one, crystals of {grains}");
+    Claim::of("B-4", &quantity).number(above).at_least(1e4);
     let bound = sample.promised_step();
-    assert!(bound <= critical * (1.0 + 1e-3), "ratio {ratio}: bound {bound} above {critical}");
-    assert!(bound >= critical * 0.82, "ratio {ratio}: bound {bound} far below {critical}");
+    let quantity = format!("bound of the step over the critical step, crystals of {grains}");
+    Claim::of("B-4", &quantity).number(bound / critical).between(0.82, 1.0 + 1e-3);
 }
 
 /// B-4 in the plane.

@@ -9,6 +9,7 @@ use crate::definition::{Criterion, Damping, GrainDefinition, PackingFile, RveOpt
 use crate::solver::kernel::backend::Backend;
 use crate::space::plane::Plane;
 use crate::space::{Discs, Spheres};
+use claims::Claim;
 use std::path::Path;
 
 type Solver = RelaxationSolver<Discs, PlainLinear>;
@@ -176,7 +177,12 @@ fn instruction_sets_cannot_reach_the_result() {
         for uses_lanes in [false, true] {
             let mut solver = Solver::new(LAW);
             solver.uses_lanes = uses_lanes;
-            assert!(ends(&mut solver, &model, &state, ways, backend) == expected, "{}", backend.name());
+            let quantity = if uses_lanes {
+                "end states of cells in vector lanes, every set of instructions, against single cells"
+            } else {
+                "end states of single cells, every set of instructions, against the best one"
+            };
+            Claim::of("S-15", quantity).holds(ends(&mut solver, &model, &state, ways, backend) == expected);
         }
     }
 }

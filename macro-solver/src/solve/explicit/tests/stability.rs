@@ -3,6 +3,7 @@
 use super::*;
 use crate::element::hourglass::HourglassControl;
 use crate::problem::dynamics::{InitialVelocity, MassScaling, RayleighDamping, StepRule};
+use claims::Claim;
 
 /// A square of 6 x 6 elements with an edge struck by a velocity of 1e-3 m/s, free elsewhere.
 fn struck(kind: ElementKind, settings: DynamicSettings, duration: f64) -> Problem {
@@ -51,7 +52,10 @@ fn a_step_one_percent_beyond_the_critical_one_is_stopped_within_fifty_steps() {
         let beyond = with(StepRule::Fixed { step: 1.01 * critical });
         let (outcome, film) = run(&beyond, &mut elastic(&beyond, 1.0, 1.0));
         match &outcome.outcome {
-            Outcome::Unstable { step, .. } => assert!(*step <= 50, "{kind:?}: step {step}"),
+            Outcome::Unstable { step, .. } => {
+                let quantity = "steps until one element at 1.01 times its critical step is stopped";
+                Claim::of("S-9", quantity).number(*step as f64).at_most(50.0);
+            }
             other => panic!("{kind:?}: {other:?}"),
         }
         assert!(film.instants.iter().all(|instant| instant.energy.residual().is_finite()));
@@ -71,7 +75,9 @@ fn an_unstable_mesh_is_stopped_and_a_stable_one_keeps_its_energy() {
         let (outcome, _) = run(&problem, &mut elastic(&problem, 1.0, 1.0));
         match outcome.outcome {
             Outcome::Unstable { step, ref reason, .. } => {
-                assert!(step <= 50 && reason.contains("energy"), "{kind:?}: {step}")
+                assert!(reason.contains("energy"), "{kind:?}: {reason}");
+                let quantity = "steps until a mesh at 1.25 times the bound of its elements is stopped";
+                Claim::of("S-9", quantity).number(step as f64).at_most(50.0);
             }
             other => panic!("{kind:?}: {other:?}"),
         }
@@ -98,7 +104,9 @@ fn a_motion_that_the_step_does_not_resolve_is_stopped() {
     let (outcome, film) = run(&coarse, &mut elastic(&coarse, 1.0, 1.0));
     match outcome.outcome {
         Outcome::Unstable { step, ref reason, .. } => {
-            assert!(step == 200 && reason.contains("does not grow"), "{step}: {reason}");
+            assert!(reason.contains("does not grow"), "{step}: {reason}");
+            let quantity = "step at which a motion that the step does not resolve is stopped";
+            Claim::of("H-13", quantity).value(step as f64, 200.0).within_absolute(0.0);
         }
         other => panic!("{other:?}"),
     }
@@ -160,14 +168,19 @@ fn hourglass_modes_are_damped_or_held() {
     };
     let damped = run(HourglassControl::Viscous { coefficient: 0.02 });
     let (first, last) = (damped.instants[0].energy, damped.last().energy);
-    assert!(last.kinetic < 1e-3 * first.kinetic, "{last:?}");
-    assert!((last.hourglass / first.kinetic - 1.0).abs() < 0.02, "{last:?}");
+    let quantity = "kinetic energy that dashpots leave of an hourglass mode, over its first";
+    Claim::of("H-11", quantity).number(last.kinetic / first.kinetic).at_most(1e-3);
+    let quantity = "energy that dashpots take from an hourglass mode, over its first";
+    Claim::of("H-11", quantity).value(last.hourglass / first.kinetic, 1.0).within(0.02);
     assert_eq!(damped.last().hourglass_energy, last.hourglass);
-    assert!(last.largest_relative_residual() < 1e-2);
+    let quantity = "residual of the energy balance, hourglass mode on dashpots";
+    Claim::of("H-13", quantity).error(last.largest_relative_residual()).within(1e-2);
     let sprung = run(HourglassControl::Stiffness { coefficient: 0.01 });
     let stored = sprung.instants.iter().map(|instant| instant.hourglass_energy).fold(0.0, f64::max);
-    assert!(stored > 0.9 * first.kinetic, "{stored:e} {:?}", sprung.last().energy);
-    assert!(sprung.last().energy.largest_relative_residual() < 1e-2, "{:?}", sprung.last().energy);
+    let quantity = "largest energy that springs store of an hourglass mode, over its first";
+    Claim::of("H-11", quantity).number(stored / first.kinetic).at_least(0.9);
+    let quantity = "residual of the energy balance, hourglass mode on springs";
+    Claim::of("H-13", quantity).error(sprung.last().energy.largest_relative_residual()).within(1e-2);
 }
 
 /// New tangents find the step of a body that has softened, without changing its motion by more than the step does.
