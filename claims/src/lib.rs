@@ -18,9 +18,8 @@
 
 mod record;
 
-pub use record::{FOLDER, Record, read};
+pub use record::{FOLDER, Kind, Record, read};
 
-use record::Kind;
 use std::panic::Location;
 
 /// What a test states about one quantity of an entry.

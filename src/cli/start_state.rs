@@ -4,7 +4,7 @@
 //! first step; most often no equilibrium is found.
 
 use crate::exit::{Exit, Failure};
-use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
+use macro_solver::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use macro_solver::mesh::{Dimension, Mesh, point_places};
 use macro_solver::observer::Silent;
 use macro_solver::problem::{Amplitude, Condition, Moment, Problem, Procedure, Stage};
@@ -276,6 +276,10 @@ impl PointMaterial for AsGiven {
     fn mark(&mut self) {}
 
     fn return_to_mark(&mut self) {}
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.stresses[to] = self.stresses[from];
+    }
 }
 
 /// The initial loads and the free faces, set by set, with the pressure of the packings on each: those that differ if any do.

@@ -2,7 +2,7 @@
 
 use super::{Catalogue, Compatibility, Engine, Requirements, capabilities_of, compatibility};
 use crate::exit::{Exit, Failure};
-use macro_solver::material::error_estimate::ReplicaPlan;
+use macro_solver::material::error_estimate::SamplePlan;
 use protocol::{Capabilities, Definition, OptionalResult};
 use rve_server::server::built_in_engine;
 use scene_reader::{Materials, Scene};
@@ -82,10 +82,11 @@ fn refuse_equal_names(engines: &[AssignedEngine]) -> Result<(), Failure> {
 }
 
 impl PoolDefinitions {
-    /// Adds a replica of each of these points, solved by the same engine with half the tolerance.
-    pub(crate) fn add_replicas(&mut self, plans: &[ReplicaPlan], materials: &Materials) {
+    /// Adds the replicas of a sample: those that stay with their points are solved by the same engine with half the tolerance; those that
+    /// roam take up what the points that they follow are made of.
+    pub(crate) fn add_replicas(&mut self, plan: &SamplePlan, materials: &Materials) {
         let mut replica_of: BTreeMap<usize, usize> = BTreeMap::new();
-        for plan in plans {
+        for plan in &plan.fixed {
             let original = self.made_of[plan.point];
             let place = *replica_of.entry(original).or_insert_with(|| {
                 let finer = materials.definitions[materials.made_of[plan.point]].with_half_tolerance();
@@ -97,6 +98,8 @@ impl PoolDefinitions {
             debug_assert_eq!(plan.replica, self.made_of.len());
             self.made_of.push(place);
         }
+        let begin = plan.points.first().map(|&point| self.made_of[point]);
+        self.made_of.extend(plan.roaming.iter().filter_map(|_| begin));
     }
 }
 

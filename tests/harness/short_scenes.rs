@@ -21,7 +21,11 @@ pub const SHORT_SCENES: [ShortScene; 25] = [
     scene("one", "biaxial-small", &["mesh.elements=[1, 1]", "loading.increments=6"]),
     scene("two", "biaxial-small", &["mesh.elements=[1, 2]", "loading.increments=5"]),
     scene("four", "biaxial-small", &["mesh.elements=[2, 2]", "loading.increments=4"]),
-    scene("turned-and-weak", "biaxial-weak-element", &["mesh.elements=[2, 3]", "loading.increments=6"]),
+    scene(
+        "turned-and-weak",
+        "biaxial-weak-element",
+        &["mesh.elements=[2, 3]", "loading.increments=6", "error_estimate.most_strained=0.2"],
+    ),
     scene("periodic", "simple-shear", &["mesh.elements=[2, 2]", "loading.increments=6"]),
     scene(
         "turned-head",

@@ -2,7 +2,7 @@
 
 use crate::newton::case::packing_of_seed;
 use anyhow::Context;
-use macro_solver::material::error_estimate::{ErrorEstimateSettings, ErrorEstimator, replicas};
+use macro_solver::material::error_estimate::{ErrorEstimateSettings, ErrorEstimator, SamplePlan, sample};
 use macro_solver::mesh::ElementKind;
 use macro_solver::mesh::block::Block;
 use macro_solver::observer::{FieldsView, Observer, Outcome, StepReport, StopRequest};
@@ -232,13 +232,14 @@ pub(super) fn solution(
     let definition = grains.definition(options.clone())?;
     let mut definitions = vec![definition.to_protocol()];
     let mut made_of = vec![0; points];
-    let plans = match estimates {
-        true => replicas(&vec![Some(0); points], &ErrorEstimateSettings::default()),
-        false => Vec::new(),
+    let plan = match estimates {
+        true => sample(&vec![Some(0); points], &ErrorEstimateSettings::default()),
+        false => SamplePlan::default(),
     };
     if estimates {
         definitions.push(definition.with_half_tolerance().to_protocol());
-        made_of.extend(plans.iter().map(|_| 1));
+        made_of.extend(plan.fixed.iter().map(|_| 1));
+        made_of.extend(plan.roaming.iter().map(|_| 0));
     }
     let (port, door) = channel();
     std::thread::scope(|scope| {
@@ -249,7 +250,7 @@ pub(super) fn solution(
         pool.gather(1)?;
         let mut solution = Solution { steps, ..Solution::default() };
         let dimension = usize::try_from(grains.packing.dimension())?;
-        let mut estimator = ErrorEstimator::new(&mut pool, dimension, &plans);
+        let mut estimator = ErrorEstimator::new(&mut pool, dimension, &plan);
         let run = solve(&problem, &mut estimator, &mut solution);
         let replicas = estimator.figures().force_evaluations;
         pool.close();

@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use macro_solver::material::PointMaterial;
-use macro_solver::material::error_estimate::{ErrorEstimateSettings, ErrorEstimator, replicas};
+use macro_solver::material::error_estimate::{ErrorEstimateSettings, ErrorEstimator, SamplePlan, sample};
 use macro_solver::observer::{FieldsView, Observer, Outcome, Run, StepReport, StopRequest};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use macro_solver::problem::{Problem, Stabilisation};
@@ -131,16 +131,17 @@ pub(crate) fn solve_on_grains(problem: &Problem, definitions: &[Definition]) -> 
 pub(crate) fn solve_on_cell(problem: &Problem, definition: &AnyDefinition) -> anyhow::Result<StrategyRun> {
     let mut definitions = vec![definition.to_protocol()];
     let mut made_of = vec![0; problem.point_count()];
-    let mut plans = Vec::new();
+    let mut plan = SamplePlan::default();
     if problem.error_control.is_some() {
-        plans = replicas(&vec![Some(0); made_of.len()], &ErrorEstimateSettings::default());
+        plan = sample(&vec![Some(0); made_of.len()], &ErrorEstimateSettings::default());
         definitions.push(definition.with_half_tolerance().to_protocol());
-        made_of.extend(plans.iter().map(|_| 1));
+        made_of.extend(plan.fixed.iter().map(|_| 1));
+        made_of.extend(plan.roaming.iter().map(|_| 0));
     }
     let axes = definition.dimension() as usize;
-    solve_with(problem, definitions, &made_of, &|problem, pool, recorder| match plans.is_empty() {
+    solve_with(problem, definitions, &made_of, &|problem, pool, recorder| match plan.is_empty() {
         true => solve(problem, pool, recorder),
-        false => solve(problem, &mut ErrorEstimator::new(pool, axes, &plans), recorder),
+        false => solve(problem, &mut ErrorEstimator::new(pool, axes, &plan), recorder),
     })
 }
 

@@ -1,6 +1,6 @@
 //! For tests: materials whose answers are those of another one, altered.
 
-use super::{MaterialError, PointMaterial, PointTrial};
+use super::{MaterialError, PointId, PointMaterial, PointTrial};
 use crate::checkpoint::{Archive, CheckpointError};
 use protocol::{RveError, TrialResult};
 
@@ -42,6 +42,10 @@ impl<M: PointMaterial, A: Alteration> PointMaterial for Altered<M, A> {
 
     fn return_to_mark(&mut self) {
         self.material.return_to_mark();
+    }
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.material.copy_state(from, to);
     }
 
     fn save(&self, archive: &mut Archive) {

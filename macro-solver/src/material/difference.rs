@@ -10,7 +10,7 @@
 //! those of the plain trials.
 
 use crate::checkpoint::{Archive, CheckpointError};
-use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use protocol::{Observables, TangentKind, Tensor2, Tensor4, TrialOptions, TrialResult};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -198,6 +198,11 @@ impl PointMaterial for DifferenceTangents<'_> {
     fn return_to_mark(&mut self) {
         self.age();
         self.material.return_to_mark();
+    }
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.kept.remove(&to);
+        self.material.copy_state(from, to);
     }
 
     fn save(&self, archive: &mut Archive) {

@@ -105,6 +105,10 @@ pub trait PointMaterial {
     /// Makes the remembered states the committed ones again and forgets all trials. Counts of work stay.
     fn return_to_mark(&mut self);
 
+    /// Gives a point the committed state of another one, with the cell that it belongs to, and forgets its trial. For points that follow
+    /// Gauss points (see [`error_estimate`]); the next [`PointMaterial::return_to_mark`] undoes it.
+    fn copy_state(&mut self, from: PointId, to: PointId);
+
     /// Estimated error of the committed stresses, of a material that estimates it.
     fn error_estimate(&self) -> Option<ErrorEstimate> {
         None

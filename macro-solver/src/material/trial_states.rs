@@ -1,6 +1,6 @@
 //! Committed and trial states of the points of a closed-form material: the part of [`PointMaterial`] that does not depend on its law.
 
-use super::{MaterialError, PointMaterial, PointTrial};
+use super::{MaterialError, PointId, PointMaterial, PointTrial};
 use crate::checkpoint::{Archive, CheckpointError};
 use protocol::{RveError, TrialResult};
 
@@ -52,6 +52,12 @@ impl<S: Clone> TrialStates<S> {
     pub(super) fn return_to_mark(&mut self) {
         self.committed.clone_from(&self.marked);
         self.rollback();
+    }
+
+    /// Gives a point the committed state of another one.
+    pub(super) fn copy(&mut self, from: PointId, to: PointId) {
+        self.committed[to] = self.committed[from].clone();
+        self.trials[to] = None;
     }
 }
 
@@ -106,6 +112,10 @@ impl<L: ClosedForm> PointMaterial for L {
 
     fn return_to_mark(&mut self) {
         self.states().return_to_mark();
+    }
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.states().copy(from, to);
     }
 
     fn save(&self, archive: &mut Archive) {

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "pool";
 
 /// Counts changes of [`Record`], and of the name that seals the snapshots of the built-in engine.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -21,6 +21,7 @@ struct Record {
 
 #[derive(Serialize, Deserialize)]
 struct PointEntry {
+    made_of: DefinitionId,
     definition: DefinitionId,
     state: StateId,
     cost_model: CostModel,
@@ -31,11 +32,16 @@ pub(super) fn save(coordinator: &Coordinator, statistics: PoolStatistics, archiv
     let table = &coordinator.points;
     let mut points = Vec::with_capacity(table.records.len());
     for record in &table.records {
-        let definition = table.definitions[record.definition].0;
+        let id = |definition: usize| table.definitions[definition].0;
         if record.committed.id != StateId::NONE {
             archive.keep_snapshot(record.committed.id, &record.committed.bytes);
         }
-        points.push(PointEntry { definition, state: record.committed.id, cost_model: record.cost_model });
+        points.push(PointEntry {
+            made_of: id(record.made_of),
+            definition: id(record.definition),
+            state: record.committed.id,
+            cost_model: record.cost_model,
+        });
     }
     archive.put(SECTION, VERSION, &Record { points, statistics });
 }
@@ -49,9 +55,11 @@ pub(super) fn restore(coordinator: &mut Coordinator, archive: &Archive) -> Resul
         return Err(unfit(format!("{} Gauss points instead of {}", record.points.len(), table.records.len())));
     }
     for (number, (entry, known)) in record.points.iter().zip(&mut table.records).enumerate() {
-        if entry.definition != table.definitions[known.definition].0 {
+        let place = table.definitions.iter().position(|(id, _)| *id == entry.definition);
+        let (true, Some(definition)) = (entry.made_of == table.definitions[known.made_of].0, place) else {
             return Err(unfit(format!("Gauss point {number} was made of other grains")));
-        }
+        };
+        known.definition = definition;
         known.committed = match entry.state {
             StateId::NONE => PointState::initial(),
             state => PointState::from_snapshot(

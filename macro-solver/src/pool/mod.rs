@@ -462,6 +462,10 @@ impl<P: MacroPort> PointMaterial for Pool<P> {
         self.coordinator.points.return_to_mark();
     }
 
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.coordinator.points.copy(from, to);
+    }
+
     fn save(&self, archive: &mut Archive) {
         checkpoint::save(&self.coordinator, self.statistics(), archive);
     }

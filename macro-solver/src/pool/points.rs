@@ -36,7 +36,9 @@ impl PointState {
 /// One Gauss point.
 #[derive(Clone, Debug)]
 pub(super) struct PointRecord {
-    /// Index into the definitions.
+    /// Index of the definition that it was made of.
+    pub(super) made_of: usize,
+    /// Index of the definition that its state belongs to: another one only after [`PointTable::copy`].
     pub(super) definition: usize,
     /// Where every trial starts.
     pub(super) committed: PointState,
@@ -47,6 +49,10 @@ pub(super) struct PointRecord {
 }
 
 impl PointRecord {
+    fn new(made_of: usize, committed: PointState) -> Self {
+        Self { made_of, definition: made_of, committed, trial: None, cost_model: CostModel::default() }
+    }
+
     /// Makes the trial, if there is one, the committed state.
     pub(super) fn commit(&mut self) {
         if let Some(trial) = self.trial.take() {
@@ -62,8 +68,8 @@ pub(super) struct PointTable {
     /// For each definition, the group of workers that solves it.
     pub(super) groups: Vec<usize>,
     pub(super) records: Vec<PointRecord>,
-    /// Committed states to which the points may be returned, by point; empty before [`PointTable::mark`].
-    marked: Vec<PointState>,
+    /// Definitions and committed states to which the points may be returned, by point; empty before [`PointTable::mark`].
+    marked: Vec<(usize, PointState)>,
 }
 
 impl PointTable {
@@ -74,7 +80,7 @@ impl PointTable {
             .iter()
             .map(|&definition| {
                 assert!(definition < definitions.len(), "every point names one of the definitions given");
-                PointRecord { definition, committed: initial.clone(), trial: None, cost_model: CostModel::default() }
+                PointRecord::new(definition, initial.clone())
             })
             .collect();
         Self {
@@ -89,8 +95,7 @@ impl PointTable {
     pub(super) fn add(&mut self, definition: usize, count: usize) -> PointId {
         assert!(definition < self.definitions.len(), "every point names one of the definitions given");
         let first = self.records.len();
-        let committed = PointState::initial();
-        let record = PointRecord { definition, committed, trial: None, cost_model: CostModel::default() };
+        let record = PointRecord::new(definition, PointState::initial());
         self.records.resize(first + count, record);
         first
     }
@@ -109,15 +114,25 @@ impl PointTable {
 
     /// Remembers the committed states of all points.
     pub(super) fn mark(&mut self) {
-        self.marked = self.records.iter().map(|record| record.committed.clone()).collect();
+        self.marked = self.records.iter().map(|record| (record.definition, record.committed.clone())).collect();
     }
 
     /// Makes the remembered states the committed ones and forgets all trials.
     pub(super) fn return_to_mark(&mut self) {
-        for (record, marked) in self.records.iter_mut().zip(&self.marked) {
-            record.committed.clone_from(marked);
+        for (record, (definition, state)) in self.records.iter_mut().zip(&self.marked) {
+            record.definition = *definition;
+            record.committed.clone_from(state);
             record.trial = None;
         }
+    }
+
+    /// Gives a point the cell and the committed state of another one, and what is known of the cost of its trials.
+    pub(super) fn copy(&mut self, from: PointId, to: PointId) {
+        let PointRecord { definition, ref committed, cost_model, .. } = self.records[from];
+        let committed = committed.clone();
+        let record = &mut self.records[to];
+        (record.definition, record.committed, record.trial, record.cost_model) =
+            (definition, committed, None, cost_model);
     }
 
     /// Lowest point made of this definition.

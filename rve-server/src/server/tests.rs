@@ -208,9 +208,9 @@ fn duplicated_jobs_get_equal_answers() {
     let both = stage.ask(&[LoadedJob { job: repeated, state: b"" }, LoadedJob { job: repeated, state: b"" }]);
     for other in [&two, &both[0], &both[1]] {
         let is_same = (one.reply.state, &one.state) == (other.reply.state, &other.state);
-        Claim::of("A-5", "state of a worker's answer to a repeated question").holds(is_same);
+        Claim::of("A-5", "state of a worker's answer to a repeated job").holds(is_same);
         let is_same = one.reply.stress == other.reply.stress;
-        Claim::of("A-5", "stress of a worker's answer to a repeated question").holds(is_same);
+        Claim::of("A-5", "stress of a worker's answer to a repeated job").holds(is_same);
     }
     stage.dismiss();
 }

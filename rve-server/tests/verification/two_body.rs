@@ -350,13 +350,14 @@ fn frame_and_order_of_two_spheres_do_not_matter() {
     let keep = |v: [f64; 3]| v;
     let rotate = |[x, y, z]: [f64; 3]| [z, x, y];
     let (force, moments) = run(false, [0.0; 3], &keep);
-    for (quantity, swap, offset) in [
-        ("force and moments of a pair with its grains exchanged", true, [0.0; 3]),
-        ("force and moments of a pair that is moved", false, [0.5, -0.25, 1.0]),
+    // The overlap of grains that are moved by many diameters is rounded anew.
+    for (quantity, swap, offset, tolerance) in [
+        ("force and moments of a pair with its grains exchanged", true, [0.0; 3], 1e-14),
+        ("force and moments of a pair that is moved", false, [0.5, -0.25, 1.0], 1e-13),
     ] {
         let (other, other_moments) = run(swap, offset, &keep);
         let claim = |miss: [f64; 3]| {
-            Claim::of("C-17", quantity).error(miss.norm() / force.norm()).missed_up_to(1e-10).within(1e-14);
+            Claim::of("C-17", quantity).error(miss.norm() / force.norm()).within(tolerance);
         };
         claim(other.minus(force));
         for (one, two) in moments.iter().zip(other_moments) {

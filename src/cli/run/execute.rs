@@ -19,7 +19,7 @@ use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, PeriodicCheckpoints};
 use macro_solver::material::difference::{DifferenceCounts, DifferenceTangents};
-use macro_solver::material::error_estimate::{ErrorEstimator, ReplicaFigures, ReplicaPlan};
+use macro_solver::material::error_estimate::{ErrorEstimator, ReplicaFigures, SamplePlan};
 use macro_solver::observer::{Observer, Outcome, Run};
 use macro_solver::output::{EnergyLedger, OutputError, RecordPlan, Recorder, Summary, write_atomically};
 use macro_solver::pool::{Interrupt, Pool};
@@ -38,7 +38,7 @@ pub(super) struct RunContext<'a> {
     /// The engines and their points.
     pub(super) assignment: &'a EngineAssignment,
     /// Points that are solved once more to estimate the error.
-    pub(super) replicas: Vec<ReplicaPlan>,
+    pub(super) replicas: SamplePlan,
     /// Workers requested.
     pub(super) workers: usize,
     /// When the first worker was started.

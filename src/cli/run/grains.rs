@@ -85,6 +85,10 @@ impl<P: MacroPort> PointMaterial for SnapshotRecorder<'_, P> {
         self.record();
     }
 
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.pool.copy_state(from, to);
+    }
+
     fn save(&self, archive: &mut Archive) {
         self.pool.save(archive);
     }

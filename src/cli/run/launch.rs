@@ -11,7 +11,7 @@ use crate::stderr::tell;
 use crate::workers::{RunProgress, SignalWatch, StatusFile};
 use grain_pool::processes::{LaunchPlan, WorkerGroups, WorkerProcesses, channel_limits, most_workers, run_name};
 use macro_solver::material::MaterialError;
-use macro_solver::material::error_estimate::{ReplicaPlan, replicas};
+use macro_solver::material::error_estimate::{SamplePlan, sample};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Outlook, Pool, PoolSettings, WorkerSupply};
 use protocol::transport::MacroPort;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
@@ -60,7 +60,7 @@ pub(super) struct Channels {
     begun: Instant,
     name: String,
     served: PoolDefinitions,
-    replicas: Vec<ReplicaPlan>,
+    replicas: SamplePlan,
     limits: ChannelLimits,
     port: SharedMemoryMacroPort,
     listening: hosts::Listening,
@@ -174,18 +174,18 @@ pub(super) fn run(
 ///
 /// # Errors
 /// `rve.error` needs the estimate, and no point can give one.
-fn replicas_of(scene: &Scene, assignment: &EngineAssignment) -> Result<Vec<ReplicaPlan>, Failure> {
+fn replicas_of(scene: &Scene, assignment: &EngineAssignment) -> Result<SamplePlan, Failure> {
     if !scene.error_estimate.enabled {
-        return Ok(Vec::new());
+        return Ok(SamplePlan::default());
     }
-    let plans = replicas(&assignment.replicated_kinds(&scene.materials), &scene.error_estimate);
-    if plans.is_empty() && scene.problem.error_control.is_some() {
+    let plan = sample(&assignment.replicated_kinds(&scene.materials), &scene.error_estimate);
+    if plan.is_empty() && scene.problem.error_control.is_some() {
         let problem = "rve.error needs Gauss points that the built-in engine solves: the error of other engines is not estimated
 \
                        hint: give rve.accuracy instead";
         return Err(Failure::new(Exit::BadInput, problem));
     }
-    Ok(plans)
+    Ok(plan)
 }
 
 /// Workers to start or to wait for.

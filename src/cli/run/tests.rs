@@ -36,7 +36,7 @@ fn run(scene: &Scene, place: &Path, workers: usize, observer: &mut dyn Observer)
     let description = RunDescription::new(&as_run, Contents::default());
     let context = RunContext {
         assignment: &assignment,
-        replicas: Vec::new(),
+        replicas: macro_solver::material::error_estimate::SamplePlan::default(),
         workers,
         begun: Instant::now(),
         quiet: true,

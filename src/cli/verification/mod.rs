@@ -1,21 +1,28 @@
 //! `grainspan verification`: the pages of the verification and of the published figures, from the committed comparisons.
 
+mod measured;
 mod pages;
 mod rows;
 
+use crate::cli::commit::commit_of;
 use crate::exit::{Exit, Failure};
+use crate::machine::Machine;
 use crate::stderr::tell;
 use macro_solver::output::write_atomically;
 use std::path::{Path, PathBuf};
 
 /// Arguments of the hidden command.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example, after new figures or studies were committed:
-  grainspan verification --repository .")]
+#[command(after_help = "Examples:
+  grainspan verification --repository .      after new figures or studies were committed
+  grainspan verification --measured DIR      after GRAINSPAN_MEASURED=DIR cargo test --release --workspace")]
 pub(crate) struct Arguments {
     /// Copy of the repository whose pages are written
     #[arg(long, value_name = "DIR", default_value = ".")]
     repository: PathBuf,
+    /// Take over what tests have written down in this folder (environment variable GRAINSPAN_MEASURED)
+    #[arg(long, value_name = "DIR")]
+    measured: Option<PathBuf>,
 }
 
 /// Writes the pages.
@@ -23,22 +30,52 @@ pub(crate) struct Arguments {
 /// # Errors
 /// A table is missing or cannot be read; a page cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
-    for (file, text) in made(&arguments.repository)? {
+    let root = &arguments.repository;
+    if let Some(folder) = &arguments.measured {
+        let file = measured::table(root);
+        write_atomically(&file, &measured::encoded(&taken_over(root, folder)?)?)?;
+        tell(format_args!("written: {}", file.display()));
+    }
+    for (file, text) in made(root)? {
         write_atomically(&file, text.as_bytes())?;
         tell(format_args!("written: {}", file.display()));
     }
     Ok(Exit::Done)
 }
 
+/// The table of measured numbers with the records of a folder.
+///
+/// # Errors
+/// They cannot be read, or there are none; an entry is not in the catalogue.
+fn taken_over(root: &Path, folder: &Path) -> Result<Vec<measured::Measured>, Failure> {
+    let mut records = claims::read(folder).map_err(|error| rows::unusable(folder, error))?;
+    // Entries of examples, which the tests of claims themselves state.
+    records.retain(|record| !record.entry.starts_with("X-"));
+    if records.is_empty() {
+        let problem = "there are no records\nhint: run the tests with GRAINSPAN_MEASURED set to the absolute path of this folder";
+        return Err(rows::unusable(folder, problem));
+    }
+    let entries = rows::catalogue(root)?;
+    if let Some(stray) = records.iter().find(|record| entries.iter().all(|entry| entry.id != record.entry)) {
+        return Err(rows::unusable(folder, format!("{} is not in the catalogue ({})", stray.entry, stray.file)));
+    }
+    let machine = Machine::here();
+    let commit = commit_of(root).unwrap_or_default();
+    let occasion = measured::Occasion { date: machine.date, commit, processor: machine.processor };
+    Ok(measured::updated(measured::read(root)?, &records, &entries, &occasion))
+}
+
 /// The pages and where they belong.
 fn made(root: &Path) -> Result<[(PathBuf, String); 2], Failure> {
-    let (entries, sources) = (rows::catalogue(root)?, rows::sources(root)?);
+    let (entries, mut sources) = (rows::catalogue(root)?, rows::sources(root)?);
+    let papers = pages::papers(&sources);
+    sources.extend(measured::read(root)?.iter().map(measured::Measured::source));
     Ok([
         (
             root.join("docs/reference/verification-results.md"),
             pages::verification(&entries, &sources, &rows::missed_in_lab_book(root)?),
         ),
-        (root.join("docs/papers/comparison.md"), pages::papers(&sources)),
+        (root.join("docs/papers/comparison.md"), papers),
     ])
 }
 

@@ -93,7 +93,7 @@ struct Machine {
     date: String,
 }
 
-fn unusable(file: &Path, problem: impl std::fmt::Display) -> Failure {
+pub(super) fn unusable(file: &Path, problem: impl std::fmt::Display) -> Failure {
     Failure::new(Exit::BadInput, format!("{}: {problem}", file.display()))
 }
 

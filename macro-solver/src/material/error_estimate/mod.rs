@@ -4,10 +4,15 @@
 //! half the tolerance. The error of the grain solver falls about in proportion to both, so the difference between the two stresses
 //! estimates the error of the point itself, accumulated over the whole path. A replica never changes its point: results are those of
 //! a run without it, bit for bit. It costs about two evaluations per committed step, without a tangent.
+//!
+//! Most replicas follow points that are spread over the body from the first step to the last: only they know the error of a whole path. Some
+//! roam: they follow some of the points that strain most, from the state that such a point has when its turn comes, with twice the ramp steps at the
+//! point's own tolerance.
 
+mod roaming;
 mod sample;
 
-pub use sample::{ErrorEstimateSettings, replicas};
+pub use sample::{ErrorEstimateSettings, sample};
 
 use super::stress_level::stress_level;
 use super::{MaterialError, PointId, PointMaterial, PointTrial};
@@ -15,6 +20,7 @@ use crate::checkpoint::{Archive, CheckpointError};
 use crate::formulation::tensor::{matrix, tensor};
 use nalgebra::Matrix3;
 use protocol::{Observables, TangentKind, Tensor2, TrialOptions, TrialResult};
+use roaming::Strains;
 use serde::{Deserialize, Serialize};
 
 /// True error over the difference between a point and its replica: between the 1 of errors that are independent of each other and the
@@ -30,11 +36,13 @@ const MERGED_INCREMENTS: u32 = 8;
 pub struct ErrorEstimate {
     /// Points compared with their replicas; 0 before anything has been committed.
     pub points: u64,
-    /// Root mean square of the estimated stress errors (Frobenius norm) over the pressure.
+    /// Root mean square over the body of the estimated stress errors (Frobenius norm) over the pressure. Replicas of the eighth of the
+    /// points that has strained most stand for that part, the others for the rest.
     pub rms: f64,
     /// Largest of them.
     pub largest: f64,
-    /// Norm of their mean over the mean pressure: what is left in averages over the body.
+    /// Norm of their mean over the mean pressure: what is left in averages over the body. Without what the mean of a sample has by chance, but
+    /// at least what independent errors of all points would leave.
     pub of_mean: f64,
 }
 
@@ -58,6 +66,24 @@ pub struct ReplicaPlan {
     pub replica: PointId,
 }
 
+/// Which Gauss points have replicas.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SamplePlan {
+    /// Points that are followed from the start to the end.
+    pub fixed: Vec<ReplicaPlan>,
+    /// Numbers under which the material keeps the replicas that roam.
+    pub roaming: Vec<PointId>,
+    /// Points that can have a replica, in ascending order.
+    pub points: Vec<PointId>,
+}
+
+impl SamplePlan {
+    /// Whether there is no replica.
+    pub fn is_empty(&self) -> bool {
+        self.fixed.is_empty() && self.roaming.is_empty()
+    }
+}
+
 /// Latest trial of a point.
 #[derive(Clone, Copy, Debug)]
 struct Latest {
@@ -69,6 +95,10 @@ struct Latest {
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct State {
+    /// The point that is followed.
+    point: Option<PointId>,
+    /// Estimated error of the point over its pressure when the replica began to follow it.
+    before: f64,
     /// Deformation gradient that the replica has not followed yet, by rows.
     pending: [f64; 9],
     pending_ramp_steps: u32,
@@ -82,7 +112,8 @@ struct State {
 
 #[derive(Clone, Debug)]
 struct Replica {
-    plan: ReplicaPlan,
+    /// Number under which the material keeps it.
+    number: PointId,
     latest: Option<Latest>,
     state: State,
 }
@@ -92,34 +123,53 @@ pub struct ErrorEstimator<'a> {
     material: &'a mut dyn PointMaterial,
     /// Axes that the mean pressure is taken over: 2 for discs, 3 for spheres.
     axes: usize,
+    /// Fixed ones first.
     replicas: Vec<Replica>,
+    /// So many of the replicas stay with their points.
+    fixed: usize,
+    /// Points that can have a replica.
+    points: Vec<PointId>,
+    strains: Strains,
     /// For each Gauss point the place of its replica.
     replica_of: Vec<Option<usize>>,
     estimate: Option<ErrorEstimate>,
     figures: ReplicaFigures,
-    /// States of the replicas and the estimate that a step may return to.
-    marked: (Vec<State>, Option<ErrorEstimate>),
+    /// What a step may return to: states of the replicas, the estimate, strains.
+    marked: (Vec<State>, Option<ErrorEstimate>, Strains),
 }
 
 impl<'a> ErrorEstimator<'a> {
     /// An estimator over `material`, whose cells have `axes` dimensions.
-    pub fn new(material: &'a mut dyn PointMaterial, axes: usize, plans: &[ReplicaPlan]) -> Self {
-        let points = plans.iter().map(|plan| plan.point + 1).max().unwrap_or(0);
-        let mut replica_of = vec![None; points];
-        for (place, plan) in plans.iter().enumerate() {
-            replica_of[plan.point] = Some(place);
-        }
-        let replicas = plans.iter().map(|&plan| Replica { plan, latest: None, state: State::new() }).collect();
+    pub fn new(material: &'a mut dyn PointMaterial, axes: usize, plan: &SamplePlan) -> Self {
+        let points = plan.points.iter().map(|point| point + 1).max().unwrap_or(0);
+        let replica = |number, point| Replica { number, latest: None, state: State::starting(point, 0.0) };
+        let fixed = plan.fixed.iter().map(|plan| replica(plan.replica, Some(plan.point)));
+        let replicas = fixed.chain(plan.roaming.iter().map(|&number| replica(number, None))).collect();
         // Points and replicas start alike.
-        let estimate = (!plans.is_empty()).then(ErrorEstimate::default);
-        Self {
+        let estimate = (!plan.is_empty()).then(ErrorEstimate::default);
+        let mut estimator = Self {
             material,
             axes,
             replicas,
-            replica_of,
+            fixed: plan.fixed.len(),
+            points: plan.points.clone(),
+            strains: if plan.roaming.is_empty() { Strains::default() } else { Strains::of(points) },
+            replica_of: vec![None; points],
             estimate,
             figures: ReplicaFigures::default(),
             marked: Default::default(),
+        };
+        estimator.find_replicas();
+        estimator
+    }
+
+    /// Fills [`ErrorEstimator::replica_of`].
+    fn find_replicas(&mut self) {
+        self.replica_of.fill(None);
+        for (place, replica) in self.replicas.iter().enumerate() {
+            if let Some(point) = replica.state.point {
+                self.replica_of[point] = Some(place);
+            }
         }
     }
 
@@ -137,11 +187,7 @@ impl<'a> ErrorEstimator<'a> {
             let Some(latest) = replica.latest.take().filter(|_| !replica.state.lost) else { continue };
             replica.state.take_up(&latest, axes);
             if latest.ramp_steps > 1 || replica.state.pending_increments >= MERGED_INCREMENTS {
-                due.push((
-                    place,
-                    replica.state.trial(replica.plan.replica, latest.friction_reduction),
-                    latest.stress,
-                ));
+                due.push((place, replica.state.trial(replica.number, latest.friction_reduction), latest.stress));
             }
         }
         due
@@ -187,14 +233,52 @@ impl<'a> ErrorEstimator<'a> {
             self.figures.evaluations += 1;
             self.figures.force_evaluations += result.cost.force_evaluations;
         }
-        self.estimate = estimate(self.replicas.iter().map(|replica| &replica.state));
+        let strained = self.strains.strained().len();
+        let [rest, of_strained] = self.parts();
+        self.estimate = estimate([(rest, self.points.len() - strained), (of_strained, strained)]);
         Ok(())
+    }
+
+    /// Lets the roaming replicas follow points that strain most now. After a commit: they begin in the points' committed states.
+    fn roam(&mut self) {
+        self.strains.commit();
+        if self.fixed == self.replicas.len() || !self.strains.is_review_due() {
+            return;
+        }
+        self.strains.review(&self.points);
+        // What is not known of a point that joins is taken to be as in the strained part so far.
+        let [_, strained] = self.parts();
+        let before = strained.mean_square().unwrap_or(0.0).sqrt();
+        let (fixed, roaming) = self.replicas.split_at_mut(self.fixed);
+        let has_fixed = |point| fixed.iter().any(|replica| replica.state.point == Some(point) && !replica.state.lost);
+        let followed = roaming.iter().map(|replica| replica.state.point.filter(|_| !replica.state.lost));
+        let placed = self.strains.placed(has_fixed, followed);
+        for (replica, point) in roaming.iter_mut().zip(placed) {
+            if point == replica.state.point && !replica.state.lost {
+                continue;
+            }
+            if let Some(point) = point {
+                self.material.copy_state(point, replica.number);
+            }
+            (replica.state, replica.latest) = (State::starting(point, before), None);
+        }
+        self.find_replicas();
+    }
+
+    /// What replicas have found in the rest of the body and in its strained part.
+    fn parts(&self) -> [Sums; 2] {
+        let is_strained = |state: &&State| state.point.is_some_and(|point| self.strains.is_strained(point));
+        let states = || self.replicas.iter().map(|replica| &replica.state);
+        [Sums::over(states().filter(|state| !is_strained(state))), Sums::over(states().filter(is_strained))]
     }
 }
 
 impl State {
-    fn new() -> Self {
+    /// Of a replica that begins to follow a point.
+    fn starting(point: Option<PointId>, before: f64) -> Self {
         Self {
+            point,
+            before,
             pending: flat(&Matrix3::identity()),
             pending_ramp_steps: 0,
             pending_increments: 0,
@@ -236,23 +320,72 @@ fn flat(matrix: &Matrix3<f64>) -> [f64; 9] {
     std::array::from_fn(|k| matrix[(k / 3, k % 3)])
 }
 
-/// The estimate over all replicas that have been compared with a point under stress; `None` without any.
-fn estimate<'s>(states: impl Iterator<Item = &'s State>) -> Option<ErrorEstimate> {
-    let (mut points, mut squares, mut largest, mut pressures, mut sum) = (0_u64, 0.0, 0.0_f64, 0.0, [0.0; 9]);
-    for state in states {
-        let Some(difference) = state.difference.filter(|_| state.pressure > 0.0) else { continue };
-        let relative = norm(&difference) / state.pressure;
-        points += 1;
-        squares += relative * relative;
-        largest = largest.max(relative);
-        pressures += state.pressure;
-        sum.iter_mut().zip(difference).for_each(|(sum, component)| *sum += component);
+/// Sums over replicas that have been compared with a point under stress.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    points: u64,
+    /// Of the squares of the estimated errors over the pressure.
+    squares: f64,
+    largest: f64,
+    pressures: f64,
+    differences: [f64; 9],
+    /// Of the squares of the differences, Pa^2.
+    squared_differences: f64,
+}
+
+impl Sums {
+    fn over<'s>(states: impl IntoIterator<Item = &'s State>) -> Self {
+        let mut sums = Self::default();
+        for state in states {
+            let Some(difference) = state.difference.filter(|_| state.pressure > 0.0) else { continue };
+            let relative = state.before.hypot(ERROR_OF_DIFFERENCE * norm(&difference) / state.pressure);
+            sums.points += 1;
+            sums.squares += relative * relative;
+            sums.largest = sums.largest.max(relative);
+            sums.pressures += state.pressure;
+            sums.squared_differences += norm(&difference).powi(2);
+            sums.differences.iter_mut().zip(difference).for_each(|(sum, component)| *sum += component);
+        }
+        sums
     }
-    (points > 0).then(|| ErrorEstimate {
-        points,
-        rms: ERROR_OF_DIFFERENCE * (squares / points as f64).sqrt(),
-        largest: ERROR_OF_DIFFERENCE * largest,
-        of_mean: ERROR_OF_DIFFERENCE * norm(&sum) / pressures,
+
+    /// Variance of the sum of the differences over `points` points that these stand for, by the scatter of the sample, Pa^2: none where it has
+    /// all points, and none is known of a single one.
+    fn variance_of_sum(&self, points: f64) -> f64 {
+        let sample = self.points as f64;
+        if sample < 2.0 || points <= sample {
+            return 0.0;
+        }
+        let scatter = (self.squared_differences - norm(&self.differences).powi(2) / sample) / (sample - 1.0);
+        points * points * (1.0 - sample / points) * scatter.max(0.0) / sample
+    }
+
+    /// Mean of the squares; `None` over nothing.
+    fn mean_square(&self) -> Option<f64> {
+        (self.points > 0).then(|| self.squares / self.points as f64)
+    }
+}
+
+/// The estimate for a body of parts, each with what its replicas have found and its number of points; `None` without any replica that has been
+/// compared with a point under stress. Replicas stand for all points of their part; a part without any is left out.
+fn estimate(parts: [(Sums, usize); 2]) -> Option<ErrorEstimate> {
+    let known = || parts.iter().filter(|(sums, _)| sums.points > 0);
+    // Points that a replica stands for.
+    let each = |&(sums, points): &(Sums, usize)| points as f64 / sums.points as f64;
+    let of_all = |of: fn(&Sums) -> f64| known().map(|part| each(part) * of(&part.0)).sum::<f64>();
+    let differences: [f64; 9] =
+        std::array::from_fn(|k| known().map(|part| each(part) * part.0.differences[k]).sum::<f64>());
+    let by_chance: f64 = known().map(|(sums, points)| sums.variance_of_sum(*points as f64)).sum();
+    let sum = (norm(&differences).powi(2) - by_chance).max(0.0).sqrt();
+    (known().count() > 0).then(|| {
+        let points = of_all(|sums| sums.points as f64);
+        let rms = (of_all(|sums| sums.squares) / points).sqrt();
+        ErrorEstimate {
+            points: known().map(|(sums, _)| sums.points).sum(),
+            rms,
+            largest: known().map(|(sums, _)| sums.largest).fold(0.0, f64::max),
+            of_mean: (ERROR_OF_DIFFERENCE * sum / of_all(|sums| sums.pressures)).max(rms / points.sqrt()),
+        }
     })
 }
 
@@ -264,6 +397,7 @@ impl PointMaterial for ErrorEstimator<'_> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let results = self.material.evaluate(trials)?;
         for (trial, result) in trials.iter().zip(&results) {
+            self.strains.trial(trial.point, &trial.target);
             if let Some(place) = self.replica_of.get(trial.point).copied().flatten() {
                 let TrialOptions { ramp_steps, friction_reduction, .. } = trial.options;
                 let (target, stress) = (trial.target, result.stress);
@@ -275,26 +409,37 @@ impl PointMaterial for ErrorEstimator<'_> {
 
     fn commit(&mut self) -> Result<(), MaterialError> {
         self.follow()?;
-        self.material.commit()
+        self.material.commit()?;
+        self.roam();
+        Ok(())
     }
 
     fn rollback(&mut self) {
         self.replicas.iter_mut().for_each(|replica| replica.latest = None);
+        self.strains.rollback();
         self.material.rollback();
     }
 
     fn mark(&mut self) {
-        self.marked = (self.replicas.iter().map(|replica| replica.state.clone()).collect(), self.estimate);
+        let states = self.replicas.iter().map(|replica| replica.state.clone()).collect();
+        self.marked = (states, self.estimate, self.strains.clone());
         self.material.mark();
     }
 
     fn return_to_mark(&mut self) {
-        let (states, estimate) = &self.marked;
+        let (states, estimate, strains) = &self.marked;
         for (replica, state) in self.replicas.iter_mut().zip(states) {
             (replica.state, replica.latest) = (state.clone(), None);
         }
         self.estimate = *estimate;
+        self.strains.clone_from(strains);
+        self.strains.rollback();
+        self.find_replicas();
         self.material.return_to_mark();
+    }
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.material.copy_state(from, to);
     }
 
     fn error_estimate(&self) -> Option<ErrorEstimate> {
@@ -303,19 +448,23 @@ impl PointMaterial for ErrorEstimator<'_> {
 
     fn save(&self, archive: &mut Archive) {
         let states: Vec<&State> = self.replicas.iter().map(|replica| &replica.state).collect();
-        archive.put(SECTION, VERSION, &(states, self.estimate, self.figures));
+        archive.put(SECTION, VERSION, &(states, self.estimate, self.figures, self.strains.kept()));
         self.material.save(archive);
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
-        let (states, estimate, figures): (Vec<State>, _, _) = archive.get(SECTION, VERSION)?;
-        if states.len() != self.replicas.len() {
+        let (states, estimate, figures, kept): (Vec<State>, _, _, _) = archive.get(SECTION, VERSION)?;
+        if states.len() != self.replicas.len() || !self.strains.restore(kept) {
             return Err(CheckpointError::unfit(SECTION, "it holds another number of replicas"));
+        }
+        if states.iter().filter_map(|state| state.point).any(|point| point >= self.replica_of.len()) {
+            return Err(CheckpointError::unfit(SECTION, "a replica follows no point of this run"));
         }
         for (replica, state) in self.replicas.iter_mut().zip(states) {
             (replica.state, replica.latest) = (state, None);
         }
         (self.estimate, self.figures) = (estimate, figures);
+        self.find_replicas();
         self.material.restore(archive)
     }
 }
@@ -323,7 +472,7 @@ impl PointMaterial for ErrorEstimator<'_> {
 const SECTION: &str = "error estimate";
 
 /// Counts changes of what [`ErrorEstimator`] saves.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 #[cfg(test)]
 mod tests;

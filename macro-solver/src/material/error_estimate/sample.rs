@@ -1,6 +1,6 @@
 //! Which Gauss points have a replica.
 
-use super::ReplicaPlan;
+use super::{ReplicaPlan, SamplePlan};
 use crate::material::PointId;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -20,17 +20,31 @@ pub struct ErrorEstimateSettings {
     /// eight and more than twice the share of all, as in bodies whose every point has a cell of its own, as many spread over all.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0), range(max = 1))]
     pub share: f64,
+    /// Share of the Gauss points that are solved once more besides, chosen from the eighth of them that has strained most: where strain
+    /// localises, errors lie there. Rounded, so that bodies of some ten points have none.
+    #[schemars(extend("x-unit" = "-"), range(min = 0, max = 1))]
+    pub most_strained: f64,
 }
 
 impl Default for ErrorEstimateSettings {
     fn default() -> Self {
-        Self { enabled: true, share: 0.04 }
+        Self { enabled: true, share: 0.03, most_strained: 0.03 }
     }
 }
 
-/// Chooses the points: of each kind the same share, spread over its points. `kind_of[p]` is the kind of cell of point p, `None` for
-/// a point that cannot have a replica. Replicas are numbered on behind the points.
-pub fn replicas(kind_of: &[Option<usize>], settings: &ErrorEstimateSettings) -> Vec<ReplicaPlan> {
+/// Chooses the points that are followed from the start, of each kind the same share, spread over its points; roaming replicas follow
+/// others as the body strains. `kind_of[p]` is the kind of cell of point p, `None` for a point that cannot have a replica. Replicas are numbered on
+/// behind the points, roaming ones last.
+pub fn sample(kind_of: &[Option<usize>], settings: &ErrorEstimateSettings) -> SamplePlan {
+    let fixed = fixed(kind_of, settings);
+    let points: Vec<PointId> = (0..kind_of.len()).filter(|&point| kind_of[point].is_some()).collect();
+    let count = (settings.most_strained * points.len() as f64).round() as usize;
+    let first = kind_of.len() + fixed.len();
+    let roaming = (first..first + count.min(points.len() - fixed.len())).collect();
+    SamplePlan { fixed, roaming, points }
+}
+
+fn fixed(kind_of: &[Option<usize>], settings: &ErrorEstimateSettings) -> Vec<ReplicaPlan> {
     let mut of_kind: BTreeMap<usize, Vec<PointId>> = BTreeMap::new();
     for (point, kind) in kind_of.iter().enumerate() {
         if let Some(kind) = kind {
@@ -77,7 +91,7 @@ mod tests {
     fn every_kind_has_its_share_of_different_points() {
         let kind_of: Vec<Option<usize>> =
             (0..400).map(|point| if point < 10 { None } else { Some(usize::from(point >= 390)) }).collect();
-        let plans = replicas(&kind_of, &ErrorEstimateSettings { share: 0.1, ..ErrorEstimateSettings::default() });
+        let plans = fixed(&kind_of, &ErrorEstimateSettings { share: 0.1, ..ErrorEstimateSettings::default() });
         assert_eq!(plans.len(), 38 + 1);
         assert_eq!(plans[0].replica, 400);
         assert!(plans.windows(2).all(|pair| pair[0].point < pair[1].point && pair[0].replica < pair[1].replica));
@@ -93,10 +107,10 @@ mod tests {
     /// A body of many kinds does not pay for every one of them; a few kinds are all there.
     #[test]
     fn kinds_of_their_own_are_sampled() {
-        let settings = ErrorEstimateSettings::default();
+        let settings = ErrorEstimateSettings { share: 0.04, ..ErrorEstimateSettings::default() };
         let of_kinds = |kinds: usize| {
             let kind_of: Vec<Option<usize>> = (0..400).map(|point| Some(point % kinds)).collect();
-            replicas(&kind_of, &settings).iter().map(|plan| plan.point).collect::<Vec<_>>()
+            fixed(&kind_of, &settings).iter().map(|plan| plan.point).collect::<Vec<_>>()
         };
         assert_eq!(of_kinds(400).len(), 32, "twice the share");
         assert_eq!((of_kinds(1).len(), of_kinds(20).len()), (16, 20));
@@ -104,14 +118,30 @@ mod tests {
         let gaps = spread.windows(2).map(|pair| pair[1] - pair[0]);
         assert!(gaps.max().unwrap() <= 25, "{spread:?}");
         let few: Vec<Option<usize>> = (0..12).map(|point| Some(point.min(7))).collect();
-        assert_eq!(replicas(&few, &settings).len(), 8, "one of each of eight kinds");
-        assert_eq!(replicas(&[None, None], &settings), []);
+        assert_eq!(fixed(&few, &settings).len(), 8, "one of each of eight kinds");
+        assert_eq!(fixed(&[None, None], &settings), []);
     }
 
     #[test]
     fn a_share_of_one_takes_every_point_once() {
-        let plans =
-            replicas(&[Some(0); 57], &ErrorEstimateSettings { share: 1.0, ..ErrorEstimateSettings::default() });
+        let plans = fixed(&[Some(0); 57], &ErrorEstimateSettings { share: 1.0, ..ErrorEstimateSettings::default() });
         assert_eq!(plans.iter().map(|plan| plan.point).collect::<Vec<_>>(), (0..57).collect::<Vec<_>>());
+    }
+
+    /// Together they stay below a tenth of the points, except in small bodies.
+    #[test]
+    fn roaming_replicas_come_last() {
+        let kind_of: Vec<Option<usize>> = (0..128).map(|point| (point != 5).then_some(0)).collect();
+        let settings = ErrorEstimateSettings::default();
+        let plan = sample(&kind_of, &settings);
+        assert_eq!((plan.fixed.len(), plan.roaming.clone()), (4, vec![132, 133, 134, 135]));
+        assert_eq!((plan.points.len(), plan.points.contains(&5)), (127, false));
+        let count = |points: usize, settings: &ErrorEstimateSettings| {
+            let plan = sample(&vec![Some(0); points], settings);
+            (plan.fixed.len(), plan.roaming.len())
+        };
+        assert_eq!((count(8, &settings), count(25, &settings), count(8192, &settings)), ((1, 0), (1, 1), (246, 246)));
+        assert_eq!(count(8, &ErrorEstimateSettings { share: 1.0, most_strained: 1.0, ..settings }), (8, 0));
+        assert_eq!(count(128, &ErrorEstimateSettings { most_strained: 0.0, ..settings }), (4, 0));
     }
 }

@@ -46,7 +46,7 @@ fn duplicate_late_and_unknown_replies_are_ignored_and_counted() {
     Claim::of("A-5", quantity).value(twice.late_replies as f64, 1.0).within_absolute(0.0);
     assert_eq!((twice.unknown_replies, twice.workers_faulty), (0, 0));
     let invented = evaluate_with(Fault::Invent);
-    let quantity = "replies counted as unknown, where one is about a job that nobody gave out";
+    let quantity = "replies counted as unknown, where one is about a job that was not issued";
     Claim::of("A-5", quantity).value(invented.unknown_replies as f64, 1.0).within_absolute(0.0);
     assert_eq!((invented.late_replies, invented.workers_faulty), (0, 0));
     let left = evaluate_with(Fault::LeaveThenAnswer);

@@ -2,6 +2,7 @@
 
 use super::stabilisation::{Watch, pulled, weak_at_the_bottom};
 use super::*;
+use crate::material::PointId;
 use crate::material::damage::DamageMaterial;
 use crate::observer::Outcome;
 use crate::problem::Stabilisation;
@@ -82,6 +83,14 @@ impl PointMaterial for Rough {
         self.branches[0] = self.branches[2].clone();
         self.branches[1] = self.branches[2].clone();
         self.inner.return_to_mark();
+    }
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        for branches in &mut self.branches[..2] {
+            let branch = branches.get(&from).copied().unwrap_or_default();
+            branches.insert(to, branch);
+        }
+        self.inner.copy_state(from, to);
     }
 }
 

@@ -30,7 +30,7 @@ mod tangent;
 
 use super::solve;
 use crate::material::elastic::{ElasticLaw, ElasticMaterial};
-use crate::material::{MaterialError, PointMaterial, PointTrial};
+use crate::material::{MaterialError, PointId, PointMaterial, PointTrial};
 use crate::mesh::block::Block;
 use crate::mesh::{Dimension, ElementKind, Mesh};
 use crate::observer::{CutBack, FieldsView, IterationReport, Observer, PointFields, Run, StepReport, StopRequest};
@@ -126,6 +126,10 @@ impl PointMaterial for Spy {
 
     fn return_to_mark(&mut self) {
         self.inner.return_to_mark();
+    }
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.inner.copy_state(from, to);
     }
 }
 

@@ -5,6 +5,7 @@ use super::stabilisation::{Watch, pulled, weak_at_the_bottom};
 use super::*;
 use crate::formulation::Formulation;
 use crate::formulation::tensor::{column, matrix, tensor, wire_operator};
+use crate::material::PointId;
 use crate::material::elastic::isotropic_moduli;
 use crate::observer::Outcome;
 use crate::problem::{Platen, Stabilisation};
@@ -100,6 +101,10 @@ impl PointMaterial for Plastic {
     fn return_to_mark(&mut self) {
         self.committed.clone_from(&self.marked);
         self.rollback();
+    }
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        (self.committed[to], self.trials[to]) = (self.committed[from], None);
     }
 }
 
