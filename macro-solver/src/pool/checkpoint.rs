@@ -51,12 +51,16 @@ pub(super) fn restore(coordinator: &mut Coordinator, archive: &Archive) -> Resul
     let record: Record = archive.get(SECTION, VERSION)?;
     let unfit = |reason: String| CheckpointError::unfit(SECTION, reason);
     let table = &mut coordinator.points;
+    let (definitions, groups) = (&table.definitions, &table.groups);
     if record.points.len() != table.records.len() {
         return Err(unfit(format!("{} Gauss points instead of {}", record.points.len(), table.records.len())));
     }
     for (number, (entry, known)) in record.points.iter().zip(&mut table.records).enumerate() {
-        let place = table.definitions.iter().position(|(id, _)| *id == entry.definition);
-        let (true, Some(definition)) = (entry.made_of == table.definitions[known.made_of].0, place) else {
+        let own = known.made_of;
+        // A definition that two engines solve is there twice: only those of the point's own workers count.
+        let is_it = |place: &usize| definitions[*place].0 == entry.definition && groups[*place] == groups[own];
+        let place = std::iter::once(own).chain(0..definitions.len()).find(is_it);
+        let (true, Some(definition)) = (entry.made_of == definitions[own].0, place) else {
             return Err(unfit(format!("Gauss point {number} was made of other grains")));
         };
         known.definition = definition;
@@ -76,4 +80,55 @@ pub(super) fn restore(coordinator: &mut Coordinator, archive: &Archive) -> Resul
     coordinator.workers.renumber(|tally| tally + earlier);
     coordinator.statistics.add_workers(now);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::points::PointTable;
+    use super::super::settings::PoolSettings;
+    use super::*;
+    use protocol::Definition;
+    use std::sync::Arc;
+
+    /// Points 0 and 1 have the same grains and two engines; point 2 has others; point 3 is one that may follow them.
+    fn coordinator() -> Coordinator {
+        let definitions: Vec<Definition> =
+            [1, 1, 2].map(|content| Definition { bytes: vec![content] }).into_iter().collect();
+        let engines = ["one", "two", "one"].map(str::to_owned).to_vec();
+        let settings = PoolSettings { engines, ..PoolSettings::default() };
+        let groups = settings.groups(definitions.len());
+        Coordinator::new(settings, PointTable::new(definitions, groups, &[0, 1, 2, 2]))
+    }
+
+    fn resumed(from: &Coordinator) -> Coordinator {
+        let mut archive = Archive::new();
+        save(from, PoolStatistics::default(), &mut archive);
+        let mut coordinator = coordinator();
+        restore(&mut coordinator, &archive).unwrap();
+        coordinator
+    }
+
+    fn definitions(coordinator: &Coordinator) -> Vec<usize> {
+        coordinator.points.records.iter().map(|record| record.definition).collect()
+    }
+
+    #[test]
+    fn points_of_two_engines_with_the_same_grains_keep_their_engines() {
+        assert_eq!(definitions(&resumed(&coordinator())), [0, 1, 2, 2]);
+    }
+
+    #[test]
+    fn a_point_that_follows_another_goes_on_with_its_cell_and_returns_to_the_mark() {
+        let mut first = coordinator();
+        first.points.records[0].committed = PointState::from_snapshot(Arc::from([7, 7]));
+        first.points.mark();
+        first.points.copy(0, 3);
+        assert_eq!(definitions(&first), [0, 1, 2, 0]);
+        let resumed = resumed(&first);
+        assert_eq!(definitions(&resumed), [0, 1, 2, 0]);
+        assert_eq!(*resumed.points.records[3].committed.bytes, [7, 7]);
+        first.points.return_to_mark();
+        assert_eq!(definitions(&first), [0, 1, 2, 2]);
+        assert!(first.points.records[3].committed.bytes.is_empty());
+    }
 }

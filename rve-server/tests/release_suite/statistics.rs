@@ -106,15 +106,19 @@ fn strength_of_the_published_material_is_that_of_an_independent_code() {
             "  {name}: solid fraction {solid:.4}, {contacts:.3} contacts; peak {found:.4} (s.d. {scatter:.4}), expected {expected} +- \
              {bound:.4}; change of area at 3 % {compaction:.4}"
         );
+        // Of four comparisons one lies beyond two standard errors by chance in every fifth campaign: it is recorded as missed, and the
+        // test fails beyond three standard errors.
         Claim::of("G-10", &format!("peak stress ratio, {name}, two standard errors of the difference of means"))
             .value(found, expected)
+            .missed_up_to(1.5 * bound)
             .within_absolute(bound);
     }
 }
 
-/// G-8: two dense and two loose packings reach one critical state at 20 to 25 % strain. G-9: without a change of volume the stress ratio is
+/// G-8: five dense and five loose packings reach one critical state at 20 to 25 % strain. G-9: without a change of volume the stress ratio is
 /// Rowe's constant of the critical state; on the way to it loose packings keep to it within the 10 % of the catalogue, dense ones
-/// do not, which is printed. The studies with five packings each are in `docs/lab-book/ensembles.md`.
+/// do not, which is printed. With two packings each the means of two seeds in turn differ by more than the tolerance.
+/// The studies with five packings of another material each are in `docs/lab-book/ensembles.md`.
 #[test]
 fn dense_and_loose_packings_reach_one_critical_state() {
     eprintln!("G-8, G-9");
@@ -123,7 +127,7 @@ fn dense_and_loose_packings_reach_one_critical_state() {
     let mut states = Vec::new();
     for (name, friction) in [("dense", 0.0), ("loose", 0.5)] {
         let mut samples: Vec<[f64; 4]> = Vec::new();
-        for seed in 1..=2 {
+        for seed in 1..=5 {
             let path = folder.path().join(format!("{name}-{seed}.json"));
             let packing: PackingFile<Discs> = made(&recipe(2, 400, 200 + seed, 3e-3, friction, 1.4)).0;
             packing.write(&path).unwrap();
@@ -155,13 +159,16 @@ fn dense_and_loose_packings_reach_one_critical_state() {
         states.push(state);
     }
     for (place, name) in ["stress ratio", "void ratio", "contacts per load-carrying grain"].iter().enumerate() {
-        Claim::of("G-8", &format!("{name} at 20 to 25 % strain, two dense samples against two loose ones"))
+        Claim::of("G-8", &format!("{name} at 20 to 25 % strain, five dense samples against five loose ones"))
             .value(states[0][place], states[1][place])
             .within(0.05);
     }
-    Claim::of("G-9", "stress ratio over dilatancy at 5 to 15 % strain against the critical state, two loose samples")
-        .value(states[1][3], states[1][0])
-        .within(0.1);
+    Claim::of(
+        "G-9",
+        "stress ratio over dilatancy at 5 to 15 % strain against the critical state, five loose samples",
+    )
+    .value(states[1][3], states[1][0])
+    .within(0.1);
 }
 
 /// G-11: small cells scatter: the spread of the strength falls at least with the root of the number of grains.

@@ -80,17 +80,21 @@ pub(super) fn updated(
         let (kept, statements) = worst.entry((&record.entry, &record.quantity)).or_insert((record, 0));
         *statements += 1;
         // A miss is worse than any number that is met; equal ones by their text, so that the order of the records does not matter.
-        let rank = |one: &Record| (!one.met, one.badness, one.measured.clone(), one.file.clone());
+        let rank =
+            |one: &Record| (!one.met, one.badness, one.measured.clone(), one.expected.clone(), one.file.clone());
         if rank(record).partial_cmp(&rank(kept)) == Some(std::cmp::Ordering::Greater) {
             *kept = record;
         }
     }
-    let stay = old.into_iter().filter(|row| !files.contains(row.file.as_str()));
+    // A quantity that has moved to another file is the new one.
+    let is_new = |row: &Measured| worst.contains_key(&(row.entry.as_str(), row.quantity.as_str()));
+    let is_known = |row: &Measured| entries.iter().any(|entry| entry.id == row.entry);
+    let stay: Vec<Measured> =
+        old.into_iter().filter(|row| !files.contains(row.file.as_str()) && !is_new(row) && is_known(row)).collect();
     let new = worst.into_values().map(|(record, statements)| Measured::of(record, statements, occasion));
-    let mut rows: Vec<Measured> = stay.chain(new).collect();
+    let mut rows: Vec<Measured> = stay.into_iter().chain(new).collect();
     let place = |row: &Measured| entries.iter().position(|entry| entry.id == row.entry);
     rows.sort_by_cached_key(|row| (place(row).unwrap_or(usize::MAX), row.quantity.clone()));
-    rows.dedup_by(|later, first| later.entry == first.entry && later.quantity == first.quantity);
     rows
 }
 
@@ -112,8 +116,8 @@ impl Measured {
             Kind::Range => [
                 record.expected.split(' ').map(number).collect::<Vec<_>>().join(" "),
                 number(&record.measured),
-                number(&record.error),
-                "0".to_owned(),
+                String::new(),
+                "range".to_owned(),
             ],
             Kind::Condition => [record.expected.clone(), record.measured.clone(), String::new(), "exact".to_owned()],
         };
@@ -135,10 +139,12 @@ impl Measured {
         }
     }
 
-    /// A row of the page, with the command that repeats it.
-    pub(super) fn source(&self) -> Source {
+    /// A row of the page, with the command that repeats it and what its entry is compared with.
+    pub(super) fn source(&self, entries: &[Entry]) -> Source {
+        let reference = entries.iter().find(|entry| entry.id == self.entry).map(|entry| entry.reference.clone());
         let quantity = match self.statements {
             1 => self.quantity.clone(),
+            count if self.tolerance == "exact" => format!("{}; {count} times", self.quantity),
             count => format!("{}; the worst of {count}", self.quantity),
         };
         Source {
@@ -150,7 +156,7 @@ impl Measured {
                 entries: vec![self.entry.clone()],
                 quantity,
                 theirs: self.expected.clone(),
-                source: String::new(),
+                source: reference.unwrap_or_default(),
                 ours: self.measured.clone(),
                 difference: self.error.clone(),
                 tolerance: self.tolerance.clone(),
@@ -193,6 +199,7 @@ mod tests {
         let entry = |id: &str| Entry {
             id: id.to_owned(),
             claim: String::new(),
+            reference: String::new(),
             tolerance: String::new(),
             tested_in: String::new(),
         };
@@ -226,7 +233,10 @@ mod tests {
             shown,
             [("first", "yes", "2026-02-02"), ("force", "no", "2026-02-02"), ("wave", "yes", "2026-01-01")]
         );
-        let source = rows[1].source();
+        let moved = updated(rows.clone(), &[record("force", 2e-3, true, "a/src/d.rs")], &entries, &at("2026-03-03"));
+        let force: Vec<_> = moved.iter().filter(|row| row.quantity == "force").collect();
+        assert_eq!((force.len(), force[0].file.as_str(), force[0].met.as_str()), (1, "a/src/d.rs", "yes"));
+        let source = rows[1].source(&entries);
         assert_eq!(source.command, "cargo test --release -p grainspan-a b");
         assert_eq!(
             (source.rows[0].quantity.as_str(), source.rows[0].theirs.as_str()),
@@ -244,7 +254,7 @@ mod tests {
             let row = Measured::of(&record, 1, &at("2026-01-01"));
             [row.expected, row.measured, row.error, row.tolerance]
         };
-        assert_eq!(of(Kind::Range, ["1e0 to 2e0", "1.5e0", "0e0", ""]), ["1.000 to 2.000", "1.500", "0", "0"]);
+        assert_eq!(of(Kind::Range, ["1e0 to 2e0", "1.5e0", "0e0", ""]), ["1.000 to 2.000", "1.500", "", "range"]);
         assert_eq!(of(Kind::Range, ["at most 5e1", "4e0", "0e0", ""])[0], "at most 50.00");
         assert_eq!(of(Kind::Absolute, ["", "", "3e-13", "1e-12"]), ["0", "3.000e-13", "3.000e-13", "1.000e-12"]);
         assert_eq!(of(Kind::Condition, ["yes", "yes", "", ""]), ["yes", "yes", "", "exact"]);

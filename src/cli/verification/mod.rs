@@ -69,7 +69,7 @@ fn taken_over(root: &Path, folder: &Path) -> Result<Vec<measured::Measured>, Fai
 fn made(root: &Path) -> Result<[(PathBuf, String); 2], Failure> {
     let (entries, mut sources) = (rows::catalogue(root)?, rows::sources(root)?);
     let papers = pages::papers(&sources);
-    sources.extend(measured::read(root)?.iter().map(measured::Measured::source));
+    sources.extend(measured::read(root)?.iter().map(|row| row.source(&entries)));
     Ok([
         (
             root.join("docs/reference/verification-results.md"),

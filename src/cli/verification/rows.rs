@@ -18,6 +18,8 @@ const STUDIES: &str = "docs/lab-book/studies";
 pub(super) struct Entry {
     pub(super) id: String,
     pub(super) claim: String,
+    /// What it is compared with.
+    pub(super) reference: String,
     pub(super) tolerance: String,
     /// Files that test it, or why there is none.
     pub(super) tested_in: String,
@@ -115,10 +117,11 @@ pub(super) fn catalogue(root: &Path) -> Result<Vec<Entry>, Failure> {
 /// The entry in a line of the catalogue.
 fn entry(line: &str) -> Option<Entry> {
     let cells: Vec<&str> = line.strip_prefix("| ")?.strip_suffix(" |")?.split(" | ").collect();
-    let [id, claim, _, tolerance, tested_in] = cells[..] else { return None };
+    let [id, claim, reference, tolerance, tested_in] = cells[..] else { return None };
     is_id(id).then(|| Entry {
         id: id.to_owned(),
         claim: claim.to_owned(),
+        reference: reference.to_owned(),
         tolerance: tolerance.to_owned(),
         tested_in: tested_in.to_owned(),
     })
@@ -231,8 +234,8 @@ mod tests {
         let line = "| X-12 | Claim with `a | b`? no. | source | 5 % | `tests/a.rs` |".replace("`a | b`", "`ab`");
         let found = entry(&line).unwrap();
         assert_eq!(
-            (found.id.as_str(), found.tolerance.as_str(), found.tested_in.as_str()),
-            ("X-12", "5 %", "`tests/a.rs`")
+            (found.id.as_str(), found.reference.as_str(), found.tolerance.as_str(), found.tested_in.as_str()),
+            ("X-12", "source", "5 %", "`tests/a.rs`")
         );
         for other in ["| id | claim | reference | tolerance | tested in |", "| --- | --- | --- | --- | --- |", "text"]
         {

@@ -142,7 +142,7 @@ impl<'a> ErrorEstimator<'a> {
     /// An estimator over `material`, whose cells have `axes` dimensions.
     pub fn new(material: &'a mut dyn PointMaterial, axes: usize, plan: &SamplePlan) -> Self {
         let points = plan.points.iter().map(|point| point + 1).max().unwrap_or(0);
-        let replica = |number, point| Replica { number, latest: None, state: State::starting(point, 0.0) };
+        let replica = |number, point| Replica { number, latest: None, state: State::starting(point) };
         let fixed = plan.fixed.iter().map(|plan| replica(plan.replica, Some(plan.point)));
         let replicas = fixed.chain(plan.roaming.iter().map(|&number| replica(number, None))).collect();
         // Points and replicas start alike.
@@ -234,22 +234,31 @@ impl<'a> ErrorEstimator<'a> {
             self.figures.force_evaluations += result.cost.force_evaluations;
         }
         let strained = self.strains.strained().len();
-        let [rest, of_strained] = self.parts();
-        self.estimate = estimate([(rest, self.points.len() - strained), (of_strained, strained)]);
+        let [mut rest, of_strained] = self.parts();
+        let points = self.points.len() - strained;
+        rest.contains_at_least(self.strains.left_squares(), points);
+        self.estimate = estimate([(rest, points), (of_strained, strained)]);
         Ok(())
     }
 
     /// Lets the roaming replicas follow points that strain most now. After a commit: they begin in the points' committed states.
     fn roam(&mut self) {
         self.strains.commit();
-        if self.fixed == self.replicas.len() || !self.strains.is_review_due() {
+        if self.fixed == self.replicas.len() || !self.strains.is_review_due(&self.points) {
             return;
         }
+        let [_, strained_so_far] = self.parts();
         self.strains.review(&self.points);
-        // What is not known of a point that joins is taken to be as in the strained part so far.
-        let [_, strained] = self.parts();
-        let before = strained.mean_square().unwrap_or(0.0).sqrt();
+        // What is not known of a point that joins is taken to be as in its part of the body, or as in the rest before there was one.
+        let [rest, strained] = self.parts();
+        let part = strained.mean_square().or(strained_so_far.mean_square()).or(rest.mean_square());
+        let part = part.unwrap_or(0.0).sqrt();
         let (fixed, roaming) = self.replicas.split_at_mut(self.fixed);
+        for replica in roaming.iter() {
+            if let Some(point) = replica.state.point.filter(|_| replica.state.lost) {
+                self.strains.refuse(point);
+            }
+        }
         let has_fixed = |point| fixed.iter().any(|replica| replica.state.point == Some(point) && !replica.state.lost);
         let followed = roaming.iter().map(|replica| replica.state.point.filter(|_| !replica.state.lost));
         let placed = self.strains.placed(has_fixed, followed);
@@ -257,10 +266,15 @@ impl<'a> ErrorEstimator<'a> {
             if point == replica.state.point && !replica.state.lost {
                 continue;
             }
+            if let (Some(point), Some(error)) = (replica.state.point, replica.state.relative()) {
+                self.strains.leave(point, error);
+            }
+            (replica.state, replica.latest) = (State::starting(point), None);
             if let Some(point) = point {
                 self.material.copy_state(point, replica.number);
+                replica.state.before = part.max(self.strains.left(point));
+                replica.state.pressure = self.strains.level(point);
             }
-            (replica.state, replica.latest) = (State::starting(point, before), None);
         }
         self.find_replicas();
     }
@@ -275,10 +289,10 @@ impl<'a> ErrorEstimator<'a> {
 
 impl State {
     /// Of a replica that begins to follow a point.
-    fn starting(point: Option<PointId>, before: f64) -> Self {
+    fn starting(point: Option<PointId>) -> Self {
         Self {
             point,
-            before,
+            before: 0.0,
             pending: flat(&Matrix3::identity()),
             pending_ramp_steps: 0,
             pending_increments: 0,
@@ -308,6 +322,16 @@ impl State {
         PointTrial { point: replica, target, options }
     }
 
+    /// Estimated error over the pressure: by the difference from the point, or what the point had when the replica joined it. `None` of a
+    /// replica that has nothing to tell, or whose point has borne no stress.
+    fn relative(&self) -> Option<f64> {
+        if self.lost || self.pressure <= 0.0 || (self.difference.is_none() && self.before == 0.0) {
+            return None;
+        }
+        let since = self.difference.map_or(0.0, |difference| norm(&difference));
+        Some(self.before.hypot(ERROR_OF_DIFFERENCE * since / self.pressure))
+    }
+
     fn followed(&mut self, difference: [f64; 9]) {
         self.pending = flat(&Matrix3::identity());
         (self.pending_ramp_steps, self.pending_increments) = (0, 0);
@@ -320,13 +344,16 @@ fn flat(matrix: &Matrix3<f64>) -> [f64; 9] {
     std::array::from_fn(|k| matrix[(k / 3, k % 3)])
 }
 
-/// Sums over replicas that have been compared with a point under stress.
+/// Sums over replicas of points under stress.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
-    points: u64,
-    /// Of the squares of the estimated errors over the pressure.
+    /// Replicas whose error is known: that have been compared with their point, or have just joined it.
+    known: u64,
+    /// Of the squares of their estimated errors over the pressure.
     squares: f64,
     largest: f64,
+    /// Replicas that have been compared with their point.
+    points: u64,
     pressures: f64,
     differences: [f64; 9],
     /// Of the squares of the differences, Pa^2.
@@ -337,11 +364,12 @@ impl Sums {
     fn over<'s>(states: impl IntoIterator<Item = &'s State>) -> Self {
         let mut sums = Self::default();
         for state in states {
-            let Some(difference) = state.difference.filter(|_| state.pressure > 0.0) else { continue };
-            let relative = state.before.hypot(ERROR_OF_DIFFERENCE * norm(&difference) / state.pressure);
-            sums.points += 1;
+            let Some(relative) = state.relative() else { continue };
+            sums.known += 1;
             sums.squares += relative * relative;
             sums.largest = sums.largest.max(relative);
+            let Some(difference) = state.difference else { continue };
+            sums.points += 1;
             sums.pressures += state.pressure;
             sums.squared_differences += norm(&difference).powi(2);
             sums.differences.iter_mut().zip(difference).for_each(|(sum, component)| *sum += component);
@@ -362,29 +390,36 @@ impl Sums {
 
     /// Mean of the squares; `None` over nothing.
     fn mean_square(&self) -> Option<f64> {
-        (self.points > 0).then(|| self.squares / self.points as f64)
+        (self.known > 0).then(|| self.squares / self.known as f64)
+    }
+
+    /// Over the points that these stand for the sum of the squares is at least so large.
+    fn contains_at_least(&mut self, squares: f64, points: usize) {
+        self.squares = self.squares.max(squares * self.known as f64 / points.max(1) as f64);
     }
 }
 
 /// The estimate for a body of parts, each with what its replicas have found and its number of points; `None` without any replica that has been
 /// compared with a point under stress. Replicas stand for all points of their part; a part without any is left out.
 fn estimate(parts: [(Sums, usize); 2]) -> Option<ErrorEstimate> {
-    let known = || parts.iter().filter(|(sums, _)| sums.points > 0);
-    // Points that a replica stands for.
-    let each = |&(sums, points): &(Sums, usize)| points as f64 / sums.points as f64;
-    let of_all = |of: fn(&Sums) -> f64| known().map(|part| each(part) * of(&part.0)).sum::<f64>();
-    let differences: [f64; 9] =
-        std::array::from_fn(|k| known().map(|part| each(part) * part.0.differences[k]).sum::<f64>());
-    let by_chance: f64 = known().map(|(sums, points)| sums.variance_of_sum(*points as f64)).sum();
+    let known = || parts.iter().filter(|(sums, _)| sums.known > 0);
+    let points: f64 = known().map(|(_, points)| *points as f64).sum();
+    let squares: f64 = known().map(|(sums, points)| *points as f64 / sums.known as f64 * sums.squares).sum();
+    let compared = || parts.iter().filter(|(sums, _)| sums.points > 0);
+    // Over the parts, each replica times the number of points that it stands for.
+    let of_all = |of: &dyn Fn(&Sums) -> f64| -> f64 {
+        compared().map(|(sums, points)| *points as f64 / sums.points as f64 * of(sums)).sum()
+    };
+    let differences: [f64; 9] = std::array::from_fn(|k| of_all(&|sums| sums.differences[k]));
+    let by_chance: f64 = compared().map(|(sums, points)| sums.variance_of_sum(*points as f64)).sum();
     let sum = (norm(&differences).powi(2) - by_chance).max(0.0).sqrt();
-    (known().count() > 0).then(|| {
-        let points = of_all(|sums| sums.points as f64);
-        let rms = (of_all(|sums| sums.squares) / points).sqrt();
+    (compared().count() > 0).then(|| {
+        let rms = (squares / points).sqrt();
         ErrorEstimate {
-            points: known().map(|(sums, _)| sums.points).sum(),
+            points: compared().map(|(sums, _)| sums.points).sum(),
             rms,
             largest: known().map(|(sums, _)| sums.largest).fold(0.0, f64::max),
-            of_mean: (ERROR_OF_DIFFERENCE * sum / of_all(|sums| sums.pressures)).max(rms / points.sqrt()),
+            of_mean: (ERROR_OF_DIFFERENCE * sum / of_all(&|sums| sums.pressures)).max(rms / points.sqrt()),
         }
     })
 }
@@ -397,7 +432,8 @@ impl PointMaterial for ErrorEstimator<'_> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
         let results = self.material.evaluate(trials)?;
         for (trial, result) in trials.iter().zip(&results) {
-            self.strains.trial(trial.point, &trial.target);
+            let level = || stress_level(self.axes, &matrix(&result.stress));
+            self.strains.trial(trial.point, &trial.target, level);
             if let Some(place) = self.replica_of.get(trial.point).copied().flatten() {
                 let TrialOptions { ramp_steps, friction_reduction, .. } = trial.options;
                 let (target, stress) = (trial.target, result.stress);
@@ -472,7 +508,7 @@ impl PointMaterial for ErrorEstimator<'_> {
 const SECTION: &str = "error estimate";
 
 /// Counts changes of what [`ErrorEstimator`] saves.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 #[cfg(test)]
 mod tests;

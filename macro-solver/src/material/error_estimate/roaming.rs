@@ -11,7 +11,7 @@ use protocol::Tensor2;
 use serde::{Deserialize, Serialize};
 
 /// Points of the body for each one of its strained part.
-const POINTS_PER_STRAINED: usize = 8;
+pub(super) const POINTS_PER_STRAINED: usize = 8;
 
 /// The replicas are placed anew when a point has strained so much since the last time: about a load step of a static stage. Increments of
 /// waves and of stabilised steps are too small to tell where a body strains.
@@ -21,8 +21,8 @@ const STRAIN_OF_A_REVIEW: f64 = 5e-4;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Strains {
     kept: Kept,
-    /// Strain of the latest trial, by point.
-    latest: Vec<Option<f64>>,
+    /// Strain and [level](super::stress_level) of the stress, Pa, of the latest trial, by point.
+    latest: Vec<Option<(f64, f64)>>,
 }
 
 /// What checkpoints and marks keep.
@@ -32,31 +32,45 @@ pub(super) struct Kept {
     path: Vec<f64>,
     /// Part of it since the last review.
     since_review: Vec<f64>,
+    /// Largest level of the stress so far, Pa, by point.
+    level: Vec<f64>,
+    /// Error over the pressure that a replica knew of a point when it left it, by point: an error that has been made stays.
+    left: Vec<f64>,
     /// Points of the strained part, ascending; empty before the first review.
     strained: Vec<PointId>,
+    /// Points of it whose replica was refused a trial.
+    refused: Vec<PointId>,
 }
 
 impl Strains {
     /// None of so many points has strained.
     pub(super) fn of(points: usize) -> Self {
-        let kept = Kept { path: vec![0.0; points], since_review: vec![0.0; points], strained: Vec::new() };
+        let zeros = vec![0.0; points];
+        let kept = Kept {
+            path: zeros.clone(),
+            since_review: zeros.clone(),
+            level: zeros.clone(),
+            left: zeros,
+            ..Kept::default()
+        };
         Self { kept, latest: vec![None; points] }
     }
 
-    /// Takes note of a trial.
-    pub(super) fn trial(&mut self, point: PointId, target: &Tensor2) {
+    /// Takes note of a trial and of the level of its stress, Pa.
+    pub(super) fn trial(&mut self, point: PointId, target: &Tensor2, level: impl FnOnce() -> f64) {
         if let Some(latest) = self.latest.get_mut(point) {
             let gradient = matrix(target);
-            *latest = Some((0.5 * (gradient + gradient.transpose())).norm());
+            *latest = Some(((0.5 * (gradient + gradient.transpose())).norm(), level()));
         }
     }
 
     /// Adds the latest trials to the paths.
     pub(super) fn commit(&mut self) {
         for (point, latest) in self.latest.iter_mut().enumerate() {
-            let strain = latest.take().unwrap_or(0.0);
+            let Some((strain, level)) = latest.take() else { continue };
             self.kept.path[point] += strain;
             self.kept.since_review[point] += strain;
+            self.kept.level[point] = self.kept.level[point].max(level);
         }
     }
 
@@ -66,8 +80,8 @@ impl Strains {
     }
 
     /// Whether it is time to place the replicas anew.
-    pub(super) fn is_review_due(&self) -> bool {
-        self.kept.since_review.iter().any(|&strain| strain >= STRAIN_OF_A_REVIEW)
+    pub(super) fn is_review_due(&self, points: &[PointId]) -> bool {
+        points.iter().any(|&point| self.kept.since_review[point] >= STRAIN_OF_A_REVIEW)
     }
 
     /// Finds the strained part anew, among these points. Equal paths go by the number of the point.
@@ -78,6 +92,34 @@ impl Strains {
         self.kept.strained.sort_by(|&one, &other| path[other].total_cmp(&path[one]).then(one.cmp(&other)));
         self.kept.strained.truncate(points.len().div_ceil(POINTS_PER_STRAINED));
         self.kept.strained.sort_unstable();
+        let strained = &self.kept.strained;
+        self.kept.refused.retain(|point| strained.binary_search(point).is_ok());
+    }
+
+    /// Largest level of the stress of a point so far, Pa.
+    pub(super) fn level(&self, point: PointId) -> f64 {
+        self.kept.level[point]
+    }
+
+    /// A replica leaves a point, of which it knows this error over the pressure.
+    pub(super) fn leave(&mut self, point: PointId, error: f64) {
+        self.kept.left[point] = error.max(self.kept.left[point]);
+    }
+
+    /// Error over the pressure that was known of a point when a replica left it; 0 if none did.
+    pub(super) fn left(&self, point: PointId) -> f64 {
+        self.kept.left[point]
+    }
+
+    /// Sum of the squares of such errors over the rest of the body.
+    pub(super) fn left_squares(&self) -> f64 {
+        let left = self.kept.left.iter().enumerate().filter(|(point, _)| !self.is_strained(*point));
+        left.map(|(_, error)| error * error).sum()
+    }
+
+    /// A replica of the point was refused a trial: none follows it again while it belongs to the strained part.
+    pub(super) fn refuse(&mut self, point: PointId) {
+        self.kept.refused.push(point);
     }
 
     /// The strained part, ascending.
@@ -99,7 +141,9 @@ impl Strains {
         let points = self.latest.len();
         let fits = kept.path.len() == points
             && kept.since_review.len() == points
-            && kept.strained.iter().all(|&point| point < points);
+            && kept.level.len() == points
+            && kept.left.len() == points
+            && kept.strained.iter().chain(&kept.refused).all(|&point| point < points);
         self.kept = kept;
         self.rollback();
         fits
@@ -116,7 +160,10 @@ impl Strains {
             followed.map(|point| point.filter(|&point| self.is_strained(point))).collect();
         let path = &self.kept.path;
         let mut free: Vec<PointId> = self.kept.strained.clone();
-        free.retain(|point| !has_fixed(*point) && !placed.contains(&Some(*point)) && path[*point] > 0.0);
+        let refused = &self.kept.refused;
+        free.retain(|point| {
+            !has_fixed(*point) && !placed.contains(&Some(*point)) && !refused.contains(point) && path[*point] > 0.0
+        });
         free.sort_by(|&one, &other| path[other].total_cmp(&path[one]).then(one.cmp(&other)));
         let mut free = free.into_iter();
         placed.iter_mut().filter(|place| place.is_none()).for_each(|place| *place = free.next());
@@ -131,7 +178,7 @@ mod tests {
     fn strained(by_point: &[f64]) -> Strains {
         let mut strains = Strains::of(by_point.len());
         for (point, strain) in by_point.iter().enumerate() {
-            strains.trial(point, &Tensor2::from_plane([[0.0, 0.0], [0.0, -strain]]));
+            strains.trial(point, &Tensor2::from_plane([[0.0, 0.0], [0.0, -strain]]), || 1.0);
         }
         strains.commit();
         let all: Vec<PointId> = (0..by_point.len()).collect();
@@ -155,6 +202,15 @@ mod tests {
         assert_eq!(placed(&[3, 9], &[None, None]), [Some(20), None]);
         assert_eq!(strained(&[0.0; 3]).placed(|_| false, [None].into_iter()), [None]);
         assert_eq!(strained(&[2e-3; 16]).strained(), [0, 1]);
+        // Nor are points whose replica was refused.
+        let mut strains = strains;
+        strains.refuse(9);
+        assert_eq!(strains.placed(|_| false, [None, None].into_iter()), [Some(20), Some(3)]);
+        // What was known of a point counts when it belongs to the rest.
+        strains.leave(4, 0.2);
+        strains.leave(4, 0.1);
+        strains.leave(20, 0.5);
+        assert!((strains.left_squares() - 0.04).abs() < 1e-15);
     }
 
     #[test]
@@ -162,21 +218,22 @@ mod tests {
         let mut strains = Strains::of(2);
         let compression = Tensor2::from_plane([[0.0, 1e-4], [-1e-4, -2e-4]]);
         for _ in 0..3 {
-            assert!(!strains.is_review_due());
-            strains.trial(0, &Tensor2::from_plane([[0.0, 0.0], [0.0, -1e-2]]));
+            assert!(!strains.is_review_due(&[0, 1]));
+            strains.trial(0, &Tensor2::from_plane([[0.0, 0.0], [0.0, -1e-2]]), || 9.0);
             strains.rollback();
-            strains.trial(0, &compression);
+            strains.trial(0, &compression, || 2.0);
             strains.commit();
             strains.commit();
         }
-        assert!(strains.is_review_due());
+        assert!(strains.is_review_due(&[0, 1]) && !strains.is_review_due(&[1]));
+        assert_eq!(strains.level(0), 2.0, "a trial that is not committed has no level");
         assert!((strains.kept().path[0] - 6e-4).abs() < 1e-15, "turning is no strain");
         strains.review(&[0, 1]);
-        assert!(!strains.is_review_due());
+        assert!(!strains.is_review_due(&[0, 1]));
         // The path is that of the whole run.
-        strains.trial(1, &Tensor2::from_plane([[0.0, 0.0], [0.0, -5.5e-4]]));
+        strains.trial(1, &Tensor2::from_plane([[0.0, 0.0], [0.0, -5.5e-4]]), || 1.0);
         strains.commit();
-        assert!(strains.is_review_due());
+        assert!(strains.is_review_due(&[0, 1]));
         strains.review(&[0, 1]);
         assert_eq!(strains.strained(), [0]);
     }

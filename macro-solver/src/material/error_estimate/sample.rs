@@ -1,5 +1,6 @@
 //! Which Gauss points have a replica.
 
+use super::roaming::POINTS_PER_STRAINED;
 use super::{ReplicaPlan, SamplePlan};
 use crate::material::PointId;
 use schemars::JsonSchema;
@@ -21,7 +22,7 @@ pub struct ErrorEstimateSettings {
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0), range(max = 1))]
     pub share: f64,
     /// Share of the Gauss points that are solved once more besides, chosen from the eighth of them that has strained most: where strain
-    /// localises, errors lie there. Rounded, so that bodies of some ten points have none.
+    /// localises, errors lie there. Rounded, so that bodies of up to sixteen points have none by default.
     #[schemars(extend("x-unit" = "-"), range(min = 0, max = 1))]
     pub most_strained: f64,
 }
@@ -40,7 +41,8 @@ pub fn sample(kind_of: &[Option<usize>], settings: &ErrorEstimateSettings) -> Sa
     let points: Vec<PointId> = (0..kind_of.len()).filter(|&point| kind_of[point].is_some()).collect();
     let count = (settings.most_strained * points.len() as f64).round() as usize;
     let first = kind_of.len() + fixed.len();
-    let roaming = (first..first + count.min(points.len() - fixed.len())).collect();
+    let most = points.len().div_ceil(POINTS_PER_STRAINED).min(points.len() - fixed.len());
+    let roaming = (first..first + count.min(most)).collect();
     SamplePlan { fixed, roaming, points }
 }
 
@@ -142,6 +144,7 @@ mod tests {
         };
         assert_eq!((count(8, &settings), count(25, &settings), count(8192, &settings)), ((1, 0), (1, 1), (246, 246)));
         assert_eq!(count(8, &ErrorEstimateSettings { share: 1.0, most_strained: 1.0, ..settings }), (8, 0));
+        assert_eq!(count(128, &ErrorEstimateSettings { most_strained: 1.0, ..settings }), (4, 16));
         assert_eq!(count(128, &ErrorEstimateSettings { most_strained: 0.0, ..settings }), (4, 0));
     }
 }

@@ -316,3 +316,43 @@ fn roaming_replicas_return_to_the_mark_and_go_on_from_what_was_saved() {
     let mut other = Hardening::new(10);
     assert!(ErrorEstimator::new(&mut other, 2, &fixed(&roaming().fixed)).restore(&archive).is_err());
 }
+
+/// What was known of a point when its replica left it stays, and errors are relative to the largest stress that a point has had.
+#[test]
+fn errors_that_have_been_made_stay_when_the_replica_moves() {
+    let mut material = Hardening::new(10);
+    let mut estimator = ErrorEstimator::new(&mut material, 2, &roaming());
+    for _ in 0..3 {
+        localised(&mut estimator, 5, 1e-3);
+    }
+    for _ in 0..4 {
+        localised(&mut estimator, 2, 2e-3);
+    }
+    assert_eq!(followed(&estimator), Some(2));
+    let (known, estimate) = (estimator.strains.left(5), estimator.error_estimate().unwrap());
+    assert!(known > 0.0);
+    assert!(estimate.rms >= known / 8f64.sqrt() * (1.0 - 1e-12), "{} for {known}", estimate.rms);
+    assert!(estimator.replicas[1].state.pressure >= -in_steps(1));
+    // It comes back with what it knew.
+    for _ in 0..8 {
+        localised(&mut estimator, 5, 2e-3);
+    }
+    assert_eq!(followed(&estimator), Some(5));
+    assert!(estimator.replicas[1].state.before >= known);
+}
+
+/// A roaming replica whose trial is refused does not try the same point again.
+#[test]
+fn a_roaming_replica_that_is_refused_goes_elsewhere() {
+    let mut material = Hardening::new(10);
+    material.refuses = Some(9);
+    let mut estimator = ErrorEstimator::new(&mut material, 2, &roaming());
+    for _ in 0..6 {
+        localised(&mut estimator, 5, 1e-3);
+    }
+    assert_eq!((estimator.figures().lost, followed(&estimator)), (1, None));
+    for _ in 0..7 {
+        localised(&mut estimator, 6, 2e-3);
+    }
+    assert_eq!((estimator.figures().lost, followed(&estimator)), (2, None));
+}
