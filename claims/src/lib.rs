@@ -141,18 +141,20 @@ impl Compared<'_> {
     #[track_caller]
     fn state(self, place: &Location<'_>, kind: Kind, tolerance: f64, scale: f64) {
         let Self { claim, measured, expected, error, bound, .. } = self;
-        let met = error <= tolerance * scale;
-        let signed = match (measured, expected) {
-            (Some(measured), Some(expected)) => measured - expected,
+        // Two infinite numbers are no agreement, whatever the tolerance.
+        let met = error.is_finite() && error <= tolerance * scale;
+        let shown = match (kind, measured, expected) {
+            (Kind::Relative, ..) if scale > 0.0 => error / scale,
+            (Kind::Absolute, Some(measured), Some(expected)) => measured - expected,
             _ => error,
         };
-        // Relative errors, so that cases with different expected numbers can be told apart.
-        let badness = if scale > 0.0 { error / scale } else { error };
-        let cells = [text(expected), text(measured), text(Some(signed)), text(Some(tolerance))];
+        // How near it is to failing, so that cases with other tolerances and expected numbers can be told apart.
+        let badness = if tolerance * scale > 0.0 { error / (tolerance * scale) } else { error };
+        let cells = [text(expected), text(measured), text(Some(shown)), text(Some(tolerance))];
         claim.record(place, kind, cells, met, if badness.is_nan() { f64::INFINITY } else { badness });
         let accepted = bound.unwrap_or(tolerance) * scale;
         assert!(
-            error <= accepted,
+            error.is_finite() && error <= accepted,
             "{}: {}: error {error:e} is above {accepted:e}{}",
             claim.entry,
             claim.quantity,

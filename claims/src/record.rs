@@ -35,7 +35,7 @@ pub struct Record {
     pub expected: String,
     /// The number found; empty where the test computes an error.
     pub measured: String,
-    /// Measured less expected, or the error; distance from the range.
+    /// Measured less expected, as a share of the expected number if the tolerance is relative; or the error; distance from the range.
     pub error: String,
     /// Largest error that counts as agreement; empty for ranges and conditions.
     pub tolerance: String,
@@ -54,7 +54,9 @@ pub struct Record {
 pub(crate) fn append(record: &Record) {
     let Some(folder) = std::env::var_os(FOLDER).filter(|folder| !folder.is_empty()) else { return };
     let file = Path::new(&folder).join(format!("{}.csv", std::process::id()));
-    write(&file, record).unwrap_or_else(|error| panic!("{FOLDER}: {}: {error}", file.display()));
+    write(&file, record).unwrap_or_else(|error| {
+        panic!("{FOLDER} has to be the absolute path of a folder that exists: {}: {error}", file.display())
+    });
 }
 
 fn write(file: &Path, record: &Record) -> io::Result<()> {

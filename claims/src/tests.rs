@@ -48,6 +48,7 @@ fn ranges_and_conditions() {
 fn what_is_not_a_number_fails_whatever_the_tolerance() {
     assert!(!failure(|| claim().value(f64::NAN, 1.0).within(f64::INFINITY)).is_empty());
     assert!(!failure(|| claim().error(f64::NAN).within(f64::INFINITY)).is_empty());
+    assert!(!failure(|| claim().value(1.0, f64::INFINITY).within(0.5)).is_empty());
     assert!(!failure(|| claim().number(f64::NAN).between(f64::NEG_INFINITY, f64::INFINITY)).is_empty());
     assert!(!failure(|| claim().number(f64::NAN).at_most(1.0)).is_empty());
 }

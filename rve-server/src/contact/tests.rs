@@ -34,17 +34,17 @@ fn hertz_force_slope_and_energy_are_the_closed_forms() {
     let slope = 2.0 * effective_modulus * (effective_radius * overlap).sqrt();
     let tangential = 8.0 * shear / (2.0 * (2.0 - nu)) * (effective_radius * overlap).sqrt();
     let found = ContactLaw::<Spheres>::normal_force(&law, &constants, overlap);
-    Claim::of("C-1", "Hertz force of two spheres").value(found, -force).within(1e-12);
+    Claim::of("C-1", "Hertz force of two spheres, N").value(found, -force).within(1e-12);
     let [k_n, k_t, _] = ContactLaw::<Spheres>::stiffness(&law, &constants, overlap);
-    Claim::of("C-1", "normal stiffness of two spheres").value(k_n, slope).within(1e-12);
-    Claim::of("C-1", "tangential stiffness of two spheres").value(k_t, tangential).within(1e-12);
+    Claim::of("C-1", "normal stiffness of two spheres, N/m").value(k_n, slope).within(1e-12);
+    Claim::of("C-1", "tangential stiffness of two spheres, N/m").value(k_t, tangential).within(1e-12);
     let ratio = 2.0 * (1.0 - nu) / (2.0 - nu);
     Claim::of("C-1", "tangential stiffness over the normal one").value(k_t / k_n, ratio).within(1e-12);
     // [Liu2015] eq. 54 with its effective radius, twice the usual one, and a factor square root of 2.
     let printed = 2f64.sqrt() * shear * (2.0 * effective_radius).sqrt() / (1.0 - nu) * overlap.sqrt();
-    Claim::of("C-1", "normal stiffness as [Liu2015] prints it").value(k_n, printed).within(1e-12);
+    Claim::of("C-1", "normal stiffness as [Liu2015] prints it, N/m").value(k_n, printed).within(1e-12);
     let energy = ContactLaw::<Spheres>::energy(&law, &constants, overlap, 0.0, &[overlap]);
-    Claim::of("C-1", "energy of two spheres").value(energy, 0.4 * force * overlap).within(1e-12);
+    Claim::of("C-1", "energy of two spheres, J").value(energy, 0.4 * force * overlap).within(1e-12);
 }
 
 /// A contact of two spheres at rest against turning, moved along prescribed overlaps and slips.
@@ -117,15 +117,17 @@ fn slip_cycle_across_two_overlaps_gains_or_loses_what_the_law_says() {
         match unloading {
             TangentialUnloading::Incremental => {
                 let kept = (stiffness[1] - stiffness[0]) * slip;
-                let quantity = "tangential force that is left, incremental law";
+                let quantity = "tangential force that is left, incremental law, N";
                 Claim::of("C-9", quantity).value(cycle.force[1], kept).within(1e-10);
-                Claim::of("C-9", "energy that a cycle gains, incremental law").value(-work, expected).within(1e-10);
+                Claim::of("C-9", "energy that a cycle gains, incremental law, J")
+                    .value(-work, expected)
+                    .within(1e-10);
             }
             TangentialUnloading::Rescaled => {
                 let quantity = "tangential force that is left over the largest, rescaled law";
                 Claim::of("C-9", quantity).error(cycle.force[1] / (stiffness[1] * slip)).within(1e-10);
-                Claim::of("C-9", "energy that a cycle loses, rescaled law").value(work, expected).within(1e-10);
-                let quantity = "energy lost by the ledger, rescaled law";
+                Claim::of("C-9", "energy that a cycle loses, rescaled law, J").value(work, expected).within(1e-10);
+                let quantity = "energy lost by the ledger, rescaled law, J";
                 Claim::of("C-9", quantity).value(cycle.dissipation, expected).within(1e-10);
             }
         }

@@ -116,7 +116,6 @@ fn forms_of_the_stress_agree_to_the_unbalanced_forces() {
         let crossing = difference(&stress, &border_stress(&network));
         Claim::of("E-3", "stress across the border, 100 discs: difference over the tolerance of the balance")
             .error(crossing / tolerance)
-            .missed_up_to(10.0)
             .within(1.0);
         let skew = (stress[0][1] - stress[1][0]).abs() / PRESSURE;
         Claim::of("E-4", "skew part of the stress of 100 discs over the tolerance of the balance")
@@ -139,7 +138,6 @@ fn forms_of_the_stress_agree_to_the_unbalanced_forces() {
             "first Piola stress from the border, 100 discs: difference over the tolerance of the balance",
         )
         .error(reference / tolerance)
-        .missed_up_to(10.0)
         .within(1.0);
     }
 }

@@ -104,7 +104,7 @@ impl Measured {
             Kind::Relative => [
                 number(&record.expected),
                 number(&record.measured),
-                format!("relative {}", short(record.badness)),
+                format!("relative {}", number(&record.error)),
                 format!("relative {}", number(&record.tolerance)),
             ],
             Kind::Absolute if record.expected.is_empty() => {
@@ -182,7 +182,7 @@ mod tests {
             kind: Kind::Relative,
             expected: "2e0".to_owned(),
             measured: format!("{:e}", 2.0 * (1.0 + badness)),
-            error: format!("{:e}", 2.0 * badness),
+            error: format!("{badness:e}"),
             tolerance: "1e-2".to_owned(),
             met,
             badness,

@@ -15,7 +15,9 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   grainspan verification --repository .      after new figures or studies were committed
-  grainspan verification --measured DIR      after GRAINSPAN_MEASURED=DIR cargo test --release --workspace")]
+  grainspan verification --measured /tmp/measured
+      after mkdir /tmp/measured; GRAINSPAN_MEASURED=/tmp/measured cargo test --release --workspace, in the same unchanged copy:
+      rows bear its commit, and the date and processor of this command")]
 pub(crate) struct Arguments {
     /// Copy of the repository whose pages are written
     #[arg(long, value_name = "DIR", default_value = ".")]

@@ -261,7 +261,7 @@ fn a_thick_cylinder_of_lattices_begins_elastically() {
         let radius = place[0].hypot(place[1]);
         let exact = mean * radius / (2.0 * bulk) + ring / (2.0 * shear * radius);
         let found = (moved[0] * place[0] + moved[1] * place[1]) / radius;
-        Claim::of("L-4", "radial displacement of a thick cylinder of lattices").value(found, exact).within(5e-3);
+        Claim::of("L-4", "radial displacement of a thick cylinder of lattices, m").value(found, exact).within(5e-3);
     }
     for (place, stress) in last.places.iter().zip(&last.stresses) {
         let (radius, [[xx, xy], [_, yy]]) = (place[0].hypot(place[1]), stress.plane());

@@ -62,14 +62,14 @@ fn scene_column(scene: &str, name: &str) -> Vec<f64> {
 fn a_brick_of_spheres_repeats_the_spheres_alone() {
     for (quantity, scene, path, probe, [row, column]) in [
         (
-            "axial stress of one brick against its grains alone, compression to 0.6 %",
+            "axial stress of one brick against its grains alone, compression to 0.6 %, Pa",
             "scenes/single-hexahedron-biaxial.toml",
             "strain = { yy = -0.01 }\nstress = { xx = -4.16e5 }",
             "axial_stress",
             [1, 1],
         ),
         (
-            "shear stress of one brick against its grains alone, simple shear to 0.6 %",
+            "shear stress of one brick against its grains alone, simple shear to 0.6 %, Pa",
             "scenes/single-hexahedron-shear.toml",
             "strain = { xy = 0.01 }\nstress = { yy = -4.16e5 }",
             "shear_stress",

@@ -74,7 +74,7 @@ fn sliding_turns_into_rolling() {
         run_until(&mut dynamics, 0.9 * instant);
         let sliding = speed - friction * GRAVITY * dynamics.time;
         let found = dynamics.body.grains[0].velocity.as_ref()[0];
-        Claim::of("C-13", &format!("speed of a {grain} that still slides")).value(found, sliding).within(1e-3);
+        Claim::of("C-13", &format!("speed of a {grain} that still slides, m/s")).value(found, sliding).within(1e-3);
         run_until(&mut dynamics, 1.5 * instant);
         // The tangential spring keeps ringing by mu m g / k_t after the grain has caught; the mean does not.
         let (mut velocity, mut spin, steps) = (0.0, 0.0, 4000);
@@ -86,7 +86,7 @@ fn sliding_turns_into_rolling() {
         }
         let quantity = format!("speed of a {grain} that slid and rolls, over that at the start");
         Claim::of("C-13", &quantity).value(velocity / speed, share).within(1e-3);
-        let quantity = format!("speed of the surface of a {grain} that rolls against that of its centre");
+        let quantity = format!("speed of the surface of a {grain} that rolls against that of its centre, m/s");
         Claim::of("C-13", &quantity).value(spin * RADIUS, velocity).within(1e-3);
     }
     check::<Discs>("disc", 2.0 / 3.0, 1.0 / 3.0);
@@ -115,9 +115,9 @@ fn incline_is_rolled_or_slid_down() {
             let velocity = grain.velocity.as_ref()[0];
             let spin = grain.spin.as_ref().iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
             let motion = if rolls { "rolls" } else { "slides" };
-            let quantity = format!("speed of a {kind} that {motion} down a slope");
+            let quantity = format!("speed of a {kind} that {motion} down a slope, m/s");
             Claim::of("C-14", &quantity).value(velocity, acceleration * time).within(1e-3);
-            let quantity = format!("spin of a grain that {motion} down a slope");
+            let quantity = format!("spin of a grain that {motion} down a slope, rad/s");
             Claim::of("C-14", &quantity).value(spin, spin_rate * time).within(1e-3);
         }
     }
@@ -153,7 +153,7 @@ fn bounces_reach_the_height_that_restitution_leaves() {
         run_until(&mut dynamics, 0.5 * fall);
         let fallen = RADIUS + height - dynamics.body.grains[0].position[1];
         let expected = 0.5 * GRAVITY * dynamics.time * dynamics.time;
-        Claim::of("C-15", "height that a grain has fallen").value(fallen, expected).within(1e-3);
+        Claim::of("C-15", "height that a grain has fallen, m").value(fallen, expected).within(1e-3);
         let mut apexes = Vec::new();
         let mut rising = false;
         while apexes.len() < 2 {
@@ -168,7 +168,7 @@ fn bounces_reach_the_height_that_restitution_leaves() {
         let share = restitution(ratio).powi(2);
         for (bounce, apex) in apexes.iter().enumerate() {
             let expected = height * share.powi(bounce as i32 + 1);
-            let quantity = format!("height of the first two bounces, damping ratio {ratio}");
+            let quantity = format!("height of the first two bounces, damping ratio {ratio}, m");
             Claim::of("C-15", &quantity).value(*apex, expected).within(1e-3);
         }
         if ratio > 0.0 {
@@ -203,11 +203,11 @@ fn stack_between_plates_rests_where_springs_in_series_do() {
     let upper = dynamics.body.grains[1].position[1];
     let found = [RADIUS - lower, 2.0 * RADIUS - (upper - lower), upper + RADIUS - gap];
     for (found, expected) in found.iter().zip(expected) {
-        let quantity = "overlap of a contact of two grains stacked between plates";
+        let quantity = "overlap of a contact of two grains stacked between plates, m";
         Claim::of("C-15", quantity).value(*found, expected).within(1e-3);
     }
     let force = dynamics.walls[1].normal_force();
-    let quantity = "force on the upper plate over two stacked grains";
+    let quantity = "force on the upper plate over two stacked grains, N";
     Claim::of("C-15", quantity).value(force, STIFFNESS * expected[2]).within(1e-3);
 }
 
