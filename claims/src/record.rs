@@ -54,8 +54,8 @@ pub struct Record {
 pub(crate) fn append(record: &Record) {
     let Some(folder) = std::env::var_os(FOLDER).filter(|folder| !folder.is_empty()) else { return };
     let file = Path::new(&folder).join(format!("{}.csv", std::process::id()));
-    write(&file, record).unwrap_or_else(|error| {
-        panic!("{FOLDER} has to be the absolute path of a folder that exists: {}: {error}", file.display())
+    std::fs::create_dir_all(&folder).and_then(|()| write(&file, record)).unwrap_or_else(|error| {
+        panic!("{FOLDER} has to be the absolute path of a folder that can be written: {}: {error}", file.display())
     });
 }
 

@@ -2,6 +2,7 @@
 //! the verification catalogue.
 
 mod contract;
+mod corners;
 mod equilibrium;
 mod event_driven;
 mod friction;

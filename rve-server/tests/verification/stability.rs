@@ -4,10 +4,8 @@ use crate::samples::{TRIANGULAR, border_stress, hundred_discs, lattice, tight, t
 use claims::Claim;
 use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use rve_server::contact::ContactTable;
-use rve_server::definition::{GrainDefinition, RveOptions};
+use rve_server::definition::RveOptions;
 use rve_server::engine::GrainRve;
-use rve_server::preparation::{Grading, PackingRecipe, generate};
-use rve_server::space::Discs;
 use rve_server::space::plane::{self, Plane};
 
 const PRESSURE: f64 = 1e5;
@@ -132,82 +130,6 @@ fn a_cell_that_came_apart_bears_no_load_until_it_is_pressed_together() {
         let quantity = "tangential force over the friction limit, contacts that closed again";
         Claim::of("S-3", quantity).number(contact.tangential_force.abs() / limit).at_most(1.0 + 1e-12);
     }
-}
-
-/// S-5: soft and stiff, smooth and rough, equal and unequal grains: the stable step holds, the stress from the border is
-/// that of the contacts, and every answer is finite.
-#[test]
-fn corners_of_the_range_of_grains_are_stable() {
-    let corners = [
-        // p / k_n, k_t / k_n, friction, largest over smallest radius
-        (1e-4, 0.0, 0.0, 1.5),
-        (1e-6, 0.5, 0.5, 1.5),
-        (1e-6, 2.0, 1e9, 10.0),
-        (1e-3, 1.0, 0.5, 10.0),
-        (1e-2, 0.0, 0.5, 10.0),
-        (1e-1, 0.5, 0.5, 10.0),
-        (1e-1, 2.0, 1e9, 1.5),
-    ];
-    for (pressure, ratio, friction, sizes) in corners {
-        // A packing with overlaps above a tenth is refused: the softest cells are compressed afterwards. The stiffest are
-        // unloaded, because the servo creeps at 1e-6 k_n; and it circles where every contact sticks, so that friction
-        // without bound comes after the preparation.
-        let prepared = if pressure > 1e-2 { 5e-3 } else { f64::clamp(pressure, 1e-4, 1e-2) };
-        let preparation_friction = f64::min(friction, 0.5);
-        // With seed 3 the grains of size ratio 10 overlap by 0.111 at 5e-3, and the packing is refused as it should be.
-        let text = format!(
-            "dimension = 2\nnumber = 60\nseed = 4\npressure = {prepared:e}\ntolerance = 1e-4\nstress_tolerance = 1e-2\n\
-             [grading]\ndistribution = \"list\"\nradii = [1.0]\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1.0\n\
-             stiffness_ratio = {ratio:e}\nfriction = {preparation_friction:e}\n"
-        );
-        let grading = Grading::Bidisperse { small_radius: 1.0, large_radius: sizes, large_share: 0.5 };
-        let recipe = PackingRecipe { grading, ..PackingRecipe::from_toml(&text).unwrap() };
-        let name = format!("p {pressure:e}, k_t {ratio}, friction {friction:e}, sizes {sizes}");
-        let (packing, _) = generate::<Discs>(&recipe, &mut |_| ()).unwrap_or_else(|error| panic!("{name}: {error}"));
-        let contact = ContactTable::linear(1.0, ratio, friction);
-        let options = RveOptions { strain_per_step: Some(0.05 * prepared), tolerance: Some(1e-7), ..tight() };
-        let mut cell = GrainRve::new(&GrainDefinition { packing, contact, options }).unwrap();
-        if pressure > prepared {
-            let softened = trial(&mut cell, &[[-0.06, 0.0], [0.0, -0.06]]);
-            assert!(softened.flags.contains(TrialFlags::LARGE_OVERLAP), "{name}");
-            assert!(-softened.stress.get(0, 0) > 0.5 * pressure, "{name}: {:?}", softened.stress);
-            cell.commit().unwrap();
-        }
-        if pressure < prepared {
-            unload(&mut cell, pressure);
-        }
-        let answer = trial(&mut cell, &[[0.5 * pressure, 0.2 * pressure], [0.0, -pressure]]);
-        let is_at_rest = !answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
-        Claim::of("S-5", "cells at the corners of the range come to rest").holds(is_at_rest);
-        let network = cell.network().unwrap();
-        let jump = plane::add_scaled(&network.stress(), -1.0, &border_stress(network));
-        let error = plane::largest_component(&jump) / pressure;
-        let quantity = "stress from the border against the contacts, corners of the range, of the pressure";
-        Claim::of("S-5", quantity).error(error).within(1e-6);
-    }
-}
-
-/// Expands a cell until it bears a pressure, within a factor of two.
-fn unload(cell: &mut GrainRve<Discs>, pressure: f64) {
-    let options = TrialOptions { tangent: TangentKind::TrussLike, ..TrialOptions::default() };
-    let mut strain = 1e-9;
-    for _ in 0..30 {
-        let answer = cell.trial(&Tensor2::from_plane([[strain, 0.0], [0.0, strain]]), &options).unwrap();
-        let (stress, tangent) = (answer.stress.plane(), answer.tangent.unwrap());
-        let now = -0.5 * (stress[0][0] + stress[1][1]);
-        if now < 0.5 * pressure {
-            cell.rollback();
-            strain *= 0.5;
-            continue;
-        }
-        cell.commit().unwrap();
-        if now < 2.0 * pressure {
-            return;
-        }
-        let bulk = tangent.get(0, 0, 0, 0) + tangent.get(0, 0, 1, 1);
-        strain = 0.7 * (now - pressure) / bulk;
-    }
-    panic!("still not at {pressure:e}");
 }
 
 /// S-7: four discs in a cell that is smaller than two contact ranges answer as one.

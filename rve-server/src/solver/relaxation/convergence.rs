@@ -3,6 +3,7 @@
 //! Decided from the cell's own numbers alone, so the same trial takes the same steps in any batch and in any worker.
 
 use super::criterion::Imbalance;
+use super::damping::CHANGES;
 
 /// The imbalance has to fall to this share of its least value to count as progress.
 const WORTHWHILE: f64 = 0.9;
@@ -12,7 +13,7 @@ const WORTHWHILE_LOAD: f64 = 0.97;
 
 /// Steps without progress before each change of damping, and at last before the trial ends as it is. Usual cells stagnate for
 /// some 200 steps at most, cells that flow for lack of friction for some 2000.
-const MAX_STALLED_STEPS: [u32; 3] = [500, 1000, 2000];
+const MAX_STALLED_STEPS: [u32; CHANGES as usize + 1] = [500, 1000, 1000, 2000];
 
 /// Cells of more grains than this across have slower modes; their limits grow in proportion.
 const GRAINS_ACROSS: f64 = 20.0;
@@ -104,9 +105,10 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_cycle_is_noticed_changed_twice_and_ended() {
+    fn a_limit_cycle_is_noticed_changed_three_times_and_ended() {
         let cycle = |step: u32| 0.1 + 0.05 * f64::from(step % 7);
-        let expected = [(500, Advice::Change), (1500, Advice::Change), (3500, Advice::End)];
+        let change = |step| (step, Advice::Change);
+        let expected = [change(500), change(1500), change(2500), (4500, Advice::End)];
         assert_eq!(verdicts(400, cycle, |_| 1.0), expected);
         // Twice as many grains across, twice the time.
         assert_eq!(verdicts(1600, cycle, |_| 1.0)[0], (1000, Advice::Change));

@@ -27,6 +27,9 @@ const MOST_ADAPTIVE: f64 = 1.5;
 /// Viscous coefficient after the last change of damping.
 const PERSISTENT: f64 = 0.2;
 
+/// Changes of damping in a trial, at most.
+pub(crate) const CHANGES: u32 = 3;
+
 /// Memory of a damping rule. Starts afresh in every trial.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Damper {
@@ -80,11 +83,15 @@ impl Damper {
         if std::mem::take(&mut self.begins) {
             return Kick { keep: 0.0, push: self.descent * push };
         }
-        if self.changes > 1 {
+        let damping = match self.changes {
+            0 => options.damping,
+            1 if options.damping == Damping::Kinetic => Damping::Fire,
+            1 => Damping::Kinetic,
+            2 => Damping::Adaptive,
             // A quarter of the largest stable pseudo-time step squared.
-            return damped(PERSISTENT, 0.25 * push);
-        }
-        match if self.changes > 0 { Damping::Adaptive } else { options.damping } {
+            CHANGES.. => return damped(PERSISTENT, 0.25 * push),
+        };
+        match damping {
             Damping::Fire => self.fire(mass, sums),
             Damping::Local => Kick { keep: 1.0, push },
             Damping::Viscous => damped(options.viscous_coefficient(), push),
@@ -98,8 +105,8 @@ impl Damper {
         }
     }
 
-    /// Changes the damping, because the relaxation stagnates: first to adaptive damping, then to viscous damping and half of the
-    /// step.
+    /// Changes the damping, because the relaxation stagnates: first to kinetic damping (or from it to FIRE), which lets the soft modes
+    /// of a cell that hardly bears its load swing through, then to adaptive damping, then to viscous damping and half of the step.
     pub(crate) fn change(&mut self) {
         self.changes += 1;
         self.begins = true;
