@@ -78,7 +78,7 @@ impl RunDirectory {
             if error.kind() != ErrorKind::AlreadyExists {
                 return Err(system("create", &directory)(error));
             }
-            let listing = look_at(&base, name);
+            let listing = look_at_once_known(&base, name);
             if listing.alive {
                 let pid = listing.record.map_or(0, |record| record.pid);
                 return Err(RunError::Taken { name: name.to_owned(), pid });
@@ -265,6 +265,19 @@ fn look_at(base: &Path, name: &str) -> RunListing {
             .is_ok_and(|time| time.elapsed().is_ok_and(|age| age < BIRTH)),
     };
     RunListing { name: name.to_owned(), record, alive }
+}
+
+/// As [`look_at`], but waits while a folder is too young to lack a record: it gets one soon, or belongs to nobody. Someone who took it for that
+/// of a dead run of this name may have moved it aside and back, so that whoever made it has begun again and now meets their own folder.
+fn look_at_once_known(base: &Path, name: &str) -> RunListing {
+    let begun = std::time::Instant::now();
+    loop {
+        let listing = look_at(base, name);
+        if !listing.alive || listing.record.is_some() || begun.elapsed() > BIRTH {
+            return listing;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
 }
 
 fn check_version(record: &RunRecord) -> Result<(), RunError> {

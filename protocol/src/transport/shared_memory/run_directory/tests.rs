@@ -67,6 +67,31 @@ fn a_run_that_begins_between_the_look_at_a_dead_one_and_its_removal_is_left_alon
     assert!(!segment.exists() && remove_dead(&base_path(), &found), "nothing is left to be removed");
 }
 
+/// A folder without a record, as a removal leaves it that has moved the folder of a beginning run aside and back.
+#[test]
+fn a_folder_without_a_record_is_waited_for_and_taken_when_nobody_completes_it() {
+    let (left, completed) = (name(), name());
+    base_directory().unwrap();
+    for name in [&left, &completed] {
+        let folder = base_path().join(name);
+        make_private_directory(&folder).unwrap();
+        let young = SystemTime::now() - BIRTH + Duration::from_millis(500);
+        File::open(&folder).unwrap().set_modified(young).unwrap();
+    }
+    let other = RunDirectory::create(&name(), ChannelLimits::default()).unwrap();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(100));
+            fs::copy(other.directory.join("run.json"), base_path().join(&completed).join("run.json")).unwrap();
+        });
+        let taken = RunDirectory::create(&completed, ChannelLimits::default()).unwrap_err();
+        assert!(matches!(taken, RunError::Taken { pid, .. } if pid == std::process::id()), "{taken}");
+    });
+    fs::remove_dir_all(base_path().join(&completed)).unwrap();
+    let run = RunDirectory::create(&left, ChannelLimits::default()).unwrap();
+    assert_eq!(run.record().name, left);
+}
+
 #[test]
 fn more_than_there_is_is_refused_with_the_remedy() {
     check_room(0).unwrap();
