@@ -48,55 +48,51 @@ const HERTZIAN: Material = Material {
     pressure: |overlap, _, _| overlap.powf(1.5),
 };
 
+/// Corners of cells with linear springs.
+const WITH_SPRINGS: [Corner; 7] = [
+    corner(1e-4, 0.0, 0.0, 1.5),
+    corner(1e-6, 0.5, 0.5, 1.5),
+    corner(1e-6, 2.0, 1e9, 10.0),
+    corner(1e-3, 1.0, 0.5, 10.0),
+    corner(1e-2, 0.0, 0.5, 10.0),
+    corner(1e-1, 0.5, 0.5, 10.0),
+    corner(1e-1, 2.0, 1e9, 1.5),
+];
+
+/// Corners of cells with Hertz-Mindlin contacts.
+const HERTZ_MINDLIN: [Corner; 7] = [
+    corner(1e-4, 0.2, 0.0, 1.5),
+    corner(1e-6, 0.2, 0.5, 1.5),
+    corner(1e-6, 0.0, 1e9, 10.0),
+    corner(1e-3, 0.49, 0.5, 10.0),
+    corner(1e-2, 0.2, 0.5, 10.0),
+    corner(1e-1, 0.2, 0.5, 10.0),
+    corner(1e-1, 0.49, 1e9, 1.5),
+];
+
 /// S-5: the stable step holds, the stress from the border is that of the contacts, and every answer is finite.
 #[test]
-fn discs_at_the_corners_are_stable() {
-    let corners = [
-        corner(1e-4, 0.0, 0.0, 1.5),
-        corner(1e-6, 0.5, 0.5, 1.5),
-        corner(1e-6, 2.0, 1e9, 10.0),
-        corner(1e-3, 1.0, 0.5, 10.0),
-        corner(1e-2, 0.0, 0.5, 10.0),
-        corner(1e-1, 0.5, 0.5, 10.0),
-        corner(1e-1, 2.0, 1e9, 1.5),
-    ];
-    let restless = corners.iter().filter(|&&corner| !comes_to_rest::<Discs>(&SPRINGS, corner, 60)).count();
-    let quantity = "cells at corners of the range that do not come to rest, discs";
-    Claim::of("S-5", quantity).value(restless as f64, 0.0).within_absolute(0.0);
+fn discs_at_the_corners_come_to_rest() {
+    all_come_to_rest::<Discs>("discs with linear springs", &SPRINGS, &WITH_SPRINGS, 60);
 }
 
 /// S-5 in space, with linear springs.
 #[test]
-fn spheres_at_the_corners_are_stable() {
-    let corners = [
-        corner(1e-4, 0.0, 0.0, 1.5),
-        corner(1e-6, 0.5, 0.5, 1.5),
-        corner(1e-6, 2.0, 1e9, 10.0),
-        corner(1e-3, 1.0, 0.5, 10.0),
-        corner(1e-2, 0.0, 0.5, 10.0),
-        corner(1e-1, 0.5, 0.5, 10.0),
-        corner(1e-1, 2.0, 1e9, 1.5),
-    ];
-    let restless = corners.iter().filter(|&&corner| !comes_to_rest::<Spheres>(&SPRINGS, corner, 100)).count();
-    let quantity = "cells at corners of the range that do not come to rest, spheres";
-    Claim::of("S-5", quantity).value(restless as f64, 0.0).within_absolute(0.0);
+fn spheres_at_the_corners_come_to_rest() {
+    all_come_to_rest::<Spheres>("spheres with linear springs", &SPRINGS, &WITH_SPRINGS, 100);
 }
 
 /// S-5 in space, with the springs of Hertz and Mindlin.
 #[test]
-fn hertzian_spheres_at_the_corners_are_stable() {
-    let corners = [
-        corner(1e-4, 0.2, 0.0, 1.5),
-        corner(1e-6, 0.2, 0.5, 1.5),
-        corner(1e-6, 0.0, 1e9, 10.0),
-        corner(1e-3, 0.49, 0.5, 10.0),
-        corner(1e-2, 0.2, 0.5, 10.0),
-        corner(1e-1, 0.2, 0.5, 10.0),
-        corner(1e-1, 0.49, 1e9, 1.5),
-    ];
-    let restless = corners.iter().filter(|&&corner| !comes_to_rest::<Spheres>(&HERTZIAN, corner, 100)).count();
-    let quantity = "cells at corners of the range that do not come to rest, Hertzian spheres";
-    Claim::of("S-5", quantity).value(restless as f64, 0.0).within_absolute(0.0);
+fn hertzian_spheres_at_the_corners_come_to_rest() {
+    all_come_to_rest::<Spheres>("Hertz-Mindlin spheres", &HERTZIAN, &HERTZ_MINDLIN, 100);
+}
+
+/// States how many of the cells of `number` grains do not come to rest.
+fn all_come_to_rest<S: SolverFor>(kind: &str, material: &Material, corners: &[Corner], number: usize) {
+    let restless = corners.iter().filter(|&&corner| !comes_to_rest::<S>(material, corner, number)).count();
+    let quantity = format!("cells at corners of the range that do not come to rest, {kind}");
+    Claim::of("S-5", &quantity).value(restless as f64, 0.0).within_absolute(0.0);
 }
 
 /// Prepares the cell of a corner, strains it a little and returns whether it came to rest; states what its stress is then.

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   grainspan verification --repository .      after new figures or studies were committed
   grainspan verification --measured /tmp/measured
-      after mkdir /tmp/measured; GRAINSPAN_MEASURED=/tmp/measured cargo test --release --workspace, in the same unchanged copy:
+      after GRAINSPAN_MEASURED=/tmp/measured cargo test --release --workspace, in the same unchanged copy:
       rows bear its commit, and the date and processor of this command")]
 pub(crate) struct Arguments {
     /// Copy of the repository whose pages are written

@@ -168,3 +168,43 @@ pub(crate) fn mass_factor(options: &RveOptions) -> f64 {
         Damping::Fire | Damping::Viscous | Damping::Kinetic | Damping::Adaptive => 1.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums of a step whose grains move with this power of the forces on them.
+    fn moving(power: f64) -> StepSums<f64> {
+        StepSums { power, motion_square: 1.0, scaled_force_square: 1.0, ..StepSums::default() }
+    }
+
+    /// The kicks after so many changes of the damping, the first of them from standstill: downhill, then uphill.
+    fn kicks(options: &RveOptions, changes: u32) -> [Kick; 3] {
+        let mut damper = Damper::new(0.8);
+        for _ in 0..changes {
+            damper.change();
+        }
+        [moving(1.0), moving(1.0), moving(-1.0)].map(|sums| damper.kick(options, 2.0, &sums, 1.5))
+    }
+
+    #[test]
+    fn stagnation_changes_the_damping_to_kinetic_then_adaptive_then_viscous() {
+        let options = |damping| RveOptions { damping, ..RveOptions::default() };
+        let still = Kick { keep: 0.0, push: 0.5 * descent_share(0.8) };
+        let free = Kick { keep: 1.0, push: 0.5 };
+        let stop = Kick { keep: 0.0, push: 0.5 };
+        for damping in [Damping::Fire, Damping::Viscous, Damping::Adaptive, Damping::Local] {
+            assert_eq!(kicks(&options(damping), 1), [still, free, stop], "{damping:?}");
+        }
+        // Kinetic damping gives way to FIRE, which mixes the force into the velocity.
+        let [first, downhill, uphill] = kicks(&options(Damping::Kinetic), 1);
+        assert_eq!((first, uphill), (still, stop));
+        assert!(downhill.keep < 1.0 && downhill.push > 0.5, "{downhill:?}");
+        // The quotient of stiffness in the direction of motion is (1.5 - power) / 2.
+        let [first, downhill, uphill] = kicks(&options(Damping::Fire), 2);
+        assert_eq!((first, downhill), (still, damped(2.0 * 0.25_f64.sqrt(), 0.5)));
+        assert_eq!(uphill, damped(MOST_ADAPTIVE, 0.5));
+        let viscous = damped(PERSISTENT, 0.125);
+        assert_eq!(kicks(&options(Damping::Fire), CHANGES), [still, viscous, viscous]);
+    }
+}
