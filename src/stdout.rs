@@ -19,12 +19,19 @@ pub fn print(data: &[u8]) -> Result<(), Failure> {
     }
 }
 
-/// Refuses a file whose folder does not exist, before the work whose result goes there.
+/// Refuses a file whose folder does not exist, or that is one of the files which the command reads, before the work whose result goes there.
 ///
 /// # Errors
-/// There is no such folder.
-pub fn expect_place(file: Option<&Path>) -> Result<(), Failure> {
+/// There is no such folder, or the result would take the place of an input.
+pub fn expect_place(file: Option<&Path>, inputs: &[&Path]) -> Result<(), Failure> {
     let Some(path) = file else { return Ok(()) };
+    let real = |path: &Path| std::fs::canonicalize(path).ok();
+    // What does not exist yet is no input.
+    if let Some(input) = inputs.iter().find(|input| real(path).is_some_and(|place| real(input) == Some(place))) {
+        let problem =
+            format!("{}: the result would take the place of {}, which is read", path.display(), input.display());
+        return Err(Failure::new(Exit::BadInput, format!("{problem}\nhint: name another place with --out")));
+    }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     match folder.filter(|folder| !folder.is_dir()) {
         Some(folder) => {

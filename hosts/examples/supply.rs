@@ -5,7 +5,7 @@
 
 #![expect(clippy::print_stdout, reason = "a program for people")]
 
-use hosts::{DoorOptions, JoinedPort, Limits, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
+use hosts::{JoinedPort, Limits, ListenerOptions, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
 use macro_solver::material::{PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings};
 use protocol::control::{FromWorker, ToWorker};
@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (connections, state_kilobytes) = (number(0, 8).max(1), number(1, 30));
     let (trials, jobs_per_message) = (number(2, 4000).max(1), number(3, 1));
     let secret = Secret::draw()?;
-    let options = DoorOptions {
+    let options = ListenerOptions {
         run: "supply".into(),
         secret: secret.clone(),
         limits: Limits::default(),

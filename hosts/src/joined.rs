@@ -73,7 +73,7 @@ impl<P: MacroPort> JoinedPort<P> {
     /// Joins both.
     pub fn new(here: P, elsewhere: Option<NetworkMacroPort>) -> Self {
         if let Some(elsewhere) = &elsewhere {
-            elsewhere.ring(here.waker());
+            elsewhere.set_waker(here.waker());
         }
         Self { here, elsewhere, numbers: Numbers::default() }
     }

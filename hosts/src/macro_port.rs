@@ -1,8 +1,8 @@
 //! The macro's end: the workers of all agents as workers of one port.
 
 use crate::connection::{Gate, Outbox};
-pub use crate::door::DoorOptions;
-use crate::door::{Arrival, Door, Peer};
+pub use crate::listener::ListenerOptions;
+use crate::listener::{AgentListener, Arrival, Peer};
 use crate::message::{Body, FromAgent, MessageError, ToAgent, unpacked, with_control, with_frame, with_jobs};
 use crate::state_mirror::StateMirror;
 use crate::statistics::Figures;
@@ -68,7 +68,7 @@ pub struct NetworkMacroPort {
     /// Ends of workers that are to be reported at the next poll.
     ended: Vec<MacroEvent<'static>>,
     message_bytes: usize,
-    door: Door,
+    listener: AgentListener,
 }
 
 impl NetworkMacroPort {
@@ -76,38 +76,38 @@ impl NetworkMacroPort {
     ///
     /// # Errors
     /// The endpoint is taken or not of this host.
-    pub fn listen(endpoint: &str, options: DoorOptions) -> Result<Self, TransportError> {
+    pub fn listen(endpoint: &str, options: ListenerOptions) -> Result<Self, TransportError> {
         let message_bytes = options.limits.message_bytes;
-        let door = Door::open(endpoint, options)?;
+        let listener = AgentListener::open(endpoint, options)?;
         Ok(Self {
             agents: BTreeMap::new(),
             routes: BTreeMap::new(),
             joined: 0,
             ended: Vec::new(),
             message_bytes,
-            door,
+            listener,
         })
     }
 
     /// Where it listens.
     pub fn address(&self) -> SocketAddr {
-        self.door.address()
+        self.listener.address()
     }
 
-    /// What has happened at the door and on the connections.
+    /// What has happened at the listener and on the connections.
     pub fn figures(&self) -> Figures {
-        self.door.shared.figures.clone()
+        self.listener.shared.figures.clone()
     }
 
     /// Ends all connections at once and listens no more, as when this process is killed: for tests.
     #[doc(hidden)]
     pub fn cut_connections(&self) {
-        self.door.cut();
+        self.listener.cut();
     }
 
     /// From now on whatever arrives also wakes this one.
-    pub(crate) fn ring(&self, bell: Arc<dyn Waker>) {
-        self.door.shared.ring(bell);
+    pub(crate) fn set_waker(&self, waker: Arc<dyn Waker>) {
+        self.listener.shared.set_waker(waker);
     }
 
     fn open(&mut self, peer: Peer) {
@@ -130,7 +130,7 @@ impl NetworkMacroPort {
         let Some(agent) = self.agents.get_mut(&number) else { return 0 };
         agent.gate.handled(bytes.len());
         agent.heard += 1;
-        self.door.shared.figures.count(|figures| {
+        self.listener.shared.figures.count(|figures| {
             figures.messages_received += 1;
             figures.bytes_received += bytes.len() as u64;
         });
@@ -157,7 +157,7 @@ impl NetworkMacroPort {
         if agent.refused < MOST_REFUSED {
             return 1;
         }
-        self.door.shared.figures.count(|figures| figures.agents_faulty += 1);
+        self.listener.shared.figures.count(|figures| figures.agents_faulty += 1);
         1 + self.close(number, "it keeps sending what is no message", sink)
     }
 
@@ -231,7 +231,7 @@ impl NetworkMacroPort {
             FromAgent::Leave { reason } => {
                 tracing::info!(host = agent.host, reason, "an agent leaves");
                 agent.leaving = true;
-                self.door.shared.figures.count(|figures| figures.agents_left += 1);
+                self.listener.shared.figures.count(|figures| figures.agents_left += 1);
                 let workers: Vec<WorkerId> = agent.workers.values().copied().collect();
                 for worker in &workers {
                     sink(MacroEvent::Control(*worker, FromWorker::Bye { reason: reason.clone() }));
@@ -246,7 +246,7 @@ impl NetworkMacroPort {
         let Some(agent) = self.agents.remove(&number) else { return 0 };
         if !agent.leaving {
             tracing::warn!(host = agent.host, workers = agent.workers.len(), reason, "agent lost");
-            self.door.shared.figures.count(|figures| figures.agents_lost += 1);
+            self.listener.shared.figures.count(|figures| figures.agents_lost += 1);
         }
         for worker in agent.workers.values() {
             self.routes.remove(worker);
@@ -269,7 +269,7 @@ impl NetworkMacroPort {
         let gone = TransportError::Gone(worker);
         let Some((number, _)) = self.routes.get(&worker) else { return Err(gone) };
         let Some(agent) = self.agents.get(number) else { return Err(gone) };
-        self.door.shared.figures.count(|figures| {
+        self.listener.shared.figures.count(|figures| {
             figures.messages_sent += 1;
             figures.bytes_sent += message.len() as u64;
         });
@@ -291,7 +291,7 @@ fn note_states(mirror: &mut StateMirror, event: &MacroEvent<'_>) {
 impl MacroPort for NetworkMacroPort {
     fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(MacroEvent<'_>)) -> Result<usize, TransportError> {
         let wait = if self.ended.is_empty() { wait } else { Duration::ZERO };
-        let (arrivals, woken) = self.door.shared.take(wait);
+        let (arrivals, woken) = self.listener.shared.take(wait);
         let mut events = self.ended.len() + usize::from(woken);
         std::mem::take(&mut self.ended).into_iter().for_each(&mut *sink);
         for arrival in arrivals {
@@ -299,7 +299,7 @@ impl MacroPort for NetworkMacroPort {
                 Arrival::Opened(peer) => self.open(peer),
                 Arrival::Message(number, bytes) => {
                     events += self.take(number, &bytes, sink);
-                    self.door.shared.buffers.give(bytes);
+                    self.listener.shared.buffers.give(bytes);
                 }
                 Arrival::Closed(number, reason) => events += self.close(number, &reason, sink),
             }
@@ -314,7 +314,7 @@ impl MacroPort for NetworkMacroPort {
         let (_, slot) = self.slot(worker)?;
         let outgoing = Outgoing::control(message);
         let length = outgoing.length_within(self.message_bytes)?;
-        let message = with_frame(slot, length, &self.door.shared.buffers, |out| outgoing.write(0, out));
+        let message = with_frame(slot, length, &self.listener.shared.buffers, |out| outgoing.write(0, out));
         self.post(worker, message)
     }
 
@@ -333,7 +333,7 @@ impl MacroPort for NetworkMacroPort {
                     mirror.note(one.job.state, one.state.len());
                 }
             }
-            self.door.shared.figures.count(|figures| {
+            self.listener.shared.figures.count(|figures| {
                 figures.states_kept += kept.len() as u64;
                 figures.bytes_saved += saved;
             });
@@ -342,7 +342,7 @@ impl MacroPort for NetworkMacroPort {
         let length = outgoing.length_within(self.message_bytes)?;
         let fill = |out: &mut [u8]| outgoing.write(0, out);
         let message = if kept.is_empty() {
-            with_frame(slot, length, &self.door.shared.buffers, fill)
+            with_frame(slot, length, &self.listener.shared.buffers, fill)
         } else {
             with_jobs(slot, &kept, length, fill)
         };
@@ -365,11 +365,11 @@ impl MacroPort for NetworkMacroPort {
             true => MacroEvent::Lost(worker, "killed".to_owned()),
             false => MacroEvent::CutOff(worker, "the connection to its host has ended".to_owned()),
         });
-        self.door.shared.wake();
+        self.listener.shared.wake();
     }
 
     fn waker(&self) -> Arc<dyn Waker> {
-        Arc::clone(&self.door.shared) as Arc<dyn Waker>
+        Arc::clone(&self.listener.shared) as Arc<dyn Waker>
     }
 }
 
@@ -381,10 +381,10 @@ impl Drop for NetworkMacroPort {
         }
         // Connections end when their outboxes do.
         self.agents.clear();
-        for arrival in self.door.shared.take(Duration::ZERO).0 {
+        for arrival in self.listener.shared.take(Duration::ZERO).0 {
             drop(arrival);
         }
-        self.door.close();
+        self.listener.close();
     }
 }
 
@@ -405,7 +405,7 @@ mod tests {
     fn connected(state_bytes: u64) -> (NetworkMacroPort, Link) {
         let secret = Secret::draw().unwrap();
         let (limits, program) = (Limits::default(), this_program().to_owned());
-        let options = DoorOptions { run: "test".into(), secret: secret.clone(), limits, program };
+        let options = ListenerOptions { run: "test".into(), secret: secret.clone(), limits, program };
         let mut port = NetworkMacroPort::listen("127.0.0.1:0", options).unwrap();
         let target = Target { endpoints: vec![port.address().to_string()], secret };
         let link = Link::join(&target, state_bytes, limits, None).unwrap();

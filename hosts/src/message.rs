@@ -1,4 +1,4 @@
-//! Messages between the macro's door and an agent.
+//! Messages between the macro's listener and an agent.
 //!
 //! On the connection a message is its length (u32, little endian) and that many bytes: a kind, the number of the worker that it is
 //! about, and a body. Bodies are frames of the protocol between macro and workers, unchanged, or MessagePack.
@@ -8,7 +8,7 @@ use protocol::StateId;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use thiserror::Error;
 
-/// Version of what is said between door and agent; the frames inside have the version of the protocol.
+/// Version of what is said between listener and agent; the frames inside have the version of the protocol.
 pub const LINK_VERSION: u32 = 1;
 
 /// First message of an agent. Its fields are named on the wire, so that any version can read the version of any other.
@@ -183,8 +183,8 @@ fn head(kind: u32, slot: u32, capacity: usize) -> Vec<u8> {
 
 /// MessagePack with named fields.
 pub(crate) fn packed<T: Serialize>(message: &T) -> Vec<u8> {
-    // Plain structs of numbers and texts have no unserialisable parts; an empty body would be refused by the reader.
-    rmp_serde::to_vec_named(message).unwrap_or_default()
+    // Plain structs of numbers and texts have no part that cannot be written.
+    rmp_serde::to_vec_named(message).expect("writing MessagePack to memory cannot fail")
 }
 
 /// The opposite of [`packed`].

@@ -13,7 +13,7 @@ use thiserror::Error;
 /// people to choose some.
 const SHORTEST: usize = 16;
 
-/// Most bytes of a secret file that are read.
+/// Most bytes of a secret file.
 const LONGEST: u64 = 4096;
 
 /// A shared secret. Whoever knows it may take part in the run, on either side.
@@ -57,6 +57,12 @@ pub enum SecretError {
         path: PathBuf,
         /// Its length.
         length: usize,
+    },
+    /// Too long to be one.
+    #[error("{}: a secret has at most {LONGEST} bytes; this file is no secret", path.display())]
+    Long {
+        /// The file.
+        path: PathBuf,
     },
     /// The system has no random numbers.
     #[error("the system gave no random numbers for a secret")]
@@ -109,7 +115,7 @@ impl Secret {
 /// The text of a file that only its owner, who must be the present user, may read.
 ///
 /// # Errors
-/// [`SecretError::File`], [`SecretError::Readable`].
+/// [`SecretError::File`], [`SecretError::Readable`], [`SecretError::Long`].
 pub(crate) fn read_private(path: &Path) -> Result<String, SecretError> {
     let failed = |source| SecretError::File { path: path.to_owned(), source };
     let file = fs::File::open(path).map_err(failed)?;
@@ -120,8 +126,9 @@ pub(crate) fn read_private(path: &Path) -> Result<String, SecretError> {
         return Err(SecretError::Readable { path: path.to_owned(), owner, mode });
     }
     let mut text = String::new();
-    file.take(LONGEST).read_to_string(&mut text).map_err(failed)?;
-    Ok(text)
+    let length = file.take(LONGEST + 1).read_to_string(&mut text).map_err(failed)?;
+    // Half of a secret would be another one.
+    if length as u64 > LONGEST { Err(SecretError::Long { path: path.to_owned() }) } else { Ok(text) }
 }
 
 /// Writes a file that only its owner may read, whole or not at all.
@@ -167,6 +174,12 @@ mod tests {
         }
         write_private(&path, "too short").unwrap();
         assert!(matches!(Secret::read(&path), Err(SecretError::Short { length: 9, .. })));
+        // Half of a secret would be another one.
+        let longest = "x".repeat(4096);
+        write_private(&path, &longest).unwrap();
+        assert_eq!(Secret::read(&path).unwrap().text(), longest);
+        write_private(&path, &(longest + "x")).unwrap();
+        assert!(matches!(Secret::read(&path), Err(SecretError::Long { .. })));
         let missing = Secret::read(&folder.path().join("none")).unwrap_err().to_string();
         assert!(missing.contains("/dev/urandom"), "{missing}");
     }

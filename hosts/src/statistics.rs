@@ -1,4 +1,4 @@
-//! What happened at the door of a run and on its connections; figures for people, never input to a result.
+//! What happened at the listener of a run and on its connections; figures for people, never input to a result.
 
 use crate::lock;
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,7 @@ pub struct HostsStatistics {
     pub messages_received: u64,
 }
 
-/// A handle to the figures of a running door.
+/// A handle to the figures of a running listener.
 #[derive(Clone, Debug, Default)]
 pub struct Figures(Arc<Mutex<HostsStatistics>>);
 

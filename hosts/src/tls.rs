@@ -51,7 +51,7 @@ impl Role {
     }
 }
 
-/// What the macro's door shows and accepts.
+/// What the macro's listener shows and accepts.
 ///
 /// # Errors
 /// The key cannot be used; does not happen with keys made here.

@@ -1,4 +1,4 @@
-//! The other end of a connection: how an agent, or a single worker, reaches the macro's door.
+//! The other end of a connection: how an agent, or a single worker, reaches the macro's listener.
 
 use crate::buffers::Buffers;
 use crate::connection::{Gate, Limits, Outbox, Socket, prepare, pump, read_ahead, read_message, write_message};
@@ -27,7 +27,7 @@ use tokio::time::timeout;
 use tokio_rustls::TlsConnector;
 use tokio_rustls::client::TlsStream;
 
-/// How long one attempt to reach a door may take.
+/// How long one attempt to reach a listener may take.
 const ATTEMPT: Duration = Duration::from_secs(5);
 
 /// First and longest pause between two attempts.
@@ -54,28 +54,28 @@ pub enum JoinError {
 }
 
 #[derive(Default)]
-struct Board {
+struct MessageQueue {
     messages: VecDeque<Vec<u8>>,
     closed: Option<String>,
-    bell: Option<Arc<dyn Waker>>,
+    waker: Option<Arc<dyn Waker>>,
 }
 
 #[derive(Default)]
 struct Shared {
-    board: Mutex<Board>,
+    queue: Mutex<MessageQueue>,
     changed: Condvar,
 }
 
 impl Shared {
-    fn change(&self, change: impl FnOnce(&mut Board)) {
-        let bell = {
-            let mut board = lock(&self.board);
-            change(&mut board);
-            board.bell.clone()
+    fn change(&self, change: impl FnOnce(&mut MessageQueue)) {
+        let waker = {
+            let mut queue = lock(&self.queue);
+            change(&mut queue);
+            queue.waker.clone()
         };
         self.changed.notify_all();
-        if let Some(bell) = bell {
-            bell.wake();
+        if let Some(waker) = waker {
+            waker.wake();
         }
     }
 }
@@ -108,14 +108,14 @@ impl Link {
         target: &Target,
         state_bytes: u64,
         limits: Limits,
-        bell: Option<Arc<dyn Waker>>,
+        waker: Option<Arc<dyn Waker>>,
     ) -> Result<Self, JoinError> {
         let unreachable = |error: &dyn std::fmt::Display| JoinError::Unreachable(error.to_string());
         let config = tls::agent_side(&target.secret).map_err(|error| unreachable(&error))?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build();
         let runtime = runtime.map_err(|error| unreachable(&error))?;
         let shared = Arc::new(Shared::default());
-        lock(&shared.board).bell = bell;
+        lock(&shared.queue).waker = waker;
         let (outbox, outgoing) = unbounded_channel();
         let (gate, buffers) = (Gate::new(), Buffers::new());
         let (decided, decision) = channel();
@@ -123,8 +123,17 @@ impl Link {
             let (shared, gate, endpoints) = (Arc::clone(&shared), gate.clone(), target.endpoints.clone());
             let buffers = buffers.clone();
             move || {
-                let conversation =
-                    converse(&endpoints, config, state_bytes, limits, outgoing, gate, &buffers, &shared, decided);
+                let conversation = run_connection(
+                    &endpoints,
+                    config,
+                    state_bytes,
+                    limits,
+                    outgoing,
+                    gate,
+                    &buffers,
+                    &shared,
+                    decided,
+                );
                 runtime.block_on(conversation);
                 runtime.shutdown_timeout(Duration::ZERO);
             }
@@ -143,13 +152,13 @@ impl Link {
         target: &dyn Fn() -> Result<Target, JoinError>,
         state_bytes: u64,
         limits: Limits,
-        bell: Option<&Arc<dyn Waker>>,
+        waker: Option<&Arc<dyn Waker>>,
         timeout: Duration,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Self, JoinError> {
         let (begin, [mut pause, longest]) = (Instant::now(), PAUSES);
         loop {
-            let joined = target().and_then(|target| Self::join(&target, state_bytes, limits, bell.cloned()));
+            let joined = target().and_then(|target| Self::join(&target, state_bytes, limits, waker.cloned()));
             let error = match joined {
                 Ok(link) => return Ok(link),
                 Err(error @ JoinError::Refused(_)) => return Err(error),
@@ -167,20 +176,20 @@ impl Link {
     /// What has arrived, waiting up to `wait` for the first.
     pub(crate) fn take(&self, wait: Duration) -> Arrived {
         let end = Instant::now().checked_add(wait);
-        let mut board = lock(&self.shared.board);
-        while board.messages.is_empty() && board.closed.is_none() {
+        let mut queue = lock(&self.shared.queue);
+        while queue.messages.is_empty() && queue.closed.is_none() {
             let left = end.map_or(Duration::from_secs(3600), |end| end.saturating_duration_since(Instant::now()));
             if left.is_zero() {
                 break;
             }
-            board = match self.shared.changed.wait_timeout(board, left) {
-                Ok((board, _)) => board,
+            queue = match self.shared.changed.wait_timeout(queue, left) {
+                Ok((queue, _)) => queue,
                 Err(poisoned) => poisoned.into_inner().0,
             };
         }
-        let messages = std::mem::take(&mut board.messages);
+        let messages = std::mem::take(&mut queue.messages);
         messages.iter().for_each(|message| self.gate.handled(message.len()));
-        Arrived { messages, closed: board.closed.clone() }
+        Arrived { messages, closed: queue.closed.clone() }
     }
 
     /// Sends a frame of a worker.
@@ -205,7 +214,7 @@ impl Drop for Link {
 }
 
 #[allow(clippy::too_many_arguments, reason = "the state of one conversation, handed over once")]
-async fn converse(
+async fn run_connection(
     endpoints: &[String],
     config: Arc<ClientConfig>,
     state_bytes: u64,
@@ -234,9 +243,9 @@ async fn converse(
             if decided.send(Ok(run)).is_err() {
                 return;
             }
-            let deliver = |message| shared.change(|board| board.messages.push_back(message));
+            let deliver = |message| shared.change(|queue| queue.messages.push_back(message));
             let reason = pump(stream, outgoing, limits, gate, buffers, deliver).await;
-            shared.change(|board| board.closed = Some(reason));
+            shared.change(|queue| queue.closed = Some(reason));
         }
     }
 }
@@ -269,7 +278,7 @@ async fn reach(
         stream.flush().await?;
         read_message(&mut stream, ADMISSION_LENGTH).await
     };
-    // In TLS 1.3 the door's decision about our key arrives with its first answer.
+    // In TLS 1.3 the listener's decision about our key arrives with its first answer.
     let answer = answer.await.map_err(|error| untrusted(&error))?.ok_or_else(|| untrusted(&"it closed"))?;
     match unpacked(&answer).map_err(|error| untrusted(&error))? {
         Admission::Admitted { run } => Ok((run, stream)),

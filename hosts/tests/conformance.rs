@@ -5,12 +5,12 @@
 mod claims;
 
 use claims::{Channel, PATIENCE};
-use hosts::{DoorOptions, JoinedPort, Limits, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
-use protocol::transport::in_process::{InProcessDoor, InProcessMacroPort, channel};
+use hosts::{JoinedPort, Limits, ListenerOptions, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
+use protocol::transport::in_process::{InProcessConnector, InProcessMacroPort, channel};
 
 fn listen() -> (NetworkMacroPort, Target) {
     let secret = Secret::draw().unwrap();
-    let options = DoorOptions {
+    let options = ListenerOptions {
         run: "test".into(),
         secret: secret.clone(),
         limits: Limits::default(),
@@ -26,12 +26,12 @@ struct Network;
 impl Channel for Network {
     type Macro = NetworkMacroPort;
     type Worker = NetworkWorkerPort;
-    type Door = Target;
-    fn open() -> (Self::Macro, Self::Door) {
+    type AgentListener = Target;
+    fn open() -> (Self::Macro, Self::AgentListener) {
         listen()
     }
-    fn join(door: &Self::Door) -> Self::Worker {
-        NetworkWorkerPort::join(door, Limits::default(), PATIENCE).unwrap()
+    fn join(listener: &Self::AgentListener) -> Self::Worker {
+        NetworkWorkerPort::join(listener, Limits::default(), PATIENCE).unwrap()
     }
     fn send_raw(worker: &mut Self::Worker, bytes: &[u8]) {
         worker.send_raw(bytes).unwrap();
@@ -44,13 +44,13 @@ struct Joined;
 impl Channel for Joined {
     type Macro = JoinedPort<InProcessMacroPort>;
     type Worker = NetworkWorkerPort;
-    type Door = (Target, InProcessDoor);
-    fn open() -> (Self::Macro, Self::Door) {
-        let ((network, target), (here, door)) = (listen(), channel());
-        (JoinedPort::new(here, Some(network)).transparent(), (target, door))
+    type AgentListener = (Target, InProcessConnector);
+    fn open() -> (Self::Macro, Self::AgentListener) {
+        let ((network, target), (here, listener)) = (listen(), channel());
+        (JoinedPort::new(here, Some(network)).transparent(), (target, listener))
     }
-    fn join(door: &Self::Door) -> Self::Worker {
-        Network::join(&door.0)
+    fn join(listener: &Self::AgentListener) -> Self::Worker {
+        Network::join(&listener.0)
     }
     fn send_raw(worker: &mut Self::Worker, bytes: &[u8]) {
         worker.send_raw(bytes).unwrap();

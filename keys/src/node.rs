@@ -151,11 +151,23 @@ impl From<&Spanned<DeValue<'_>>> for Node {
             DeValue::Float(number) => Value::Number(number.as_str().replace('_', "").parse().unwrap_or(f64::NAN)),
             DeValue::Boolean(flag) => Value::Boolean(*flag),
             DeValue::Datetime(date) => Value::Date(date.to_string()),
-            DeValue::Array(entries) => Value::List(entries.iter().map(Self::from).collect()),
+            DeValue::Array(entries) => Value::List(placed(entries.iter().map(Self::from).collect())),
             DeValue::Table(table) => table_value(table),
         };
         Self { value, span }
     }
+}
+
+/// Entries of a list. The parser gives all tables of one name (`[[stage]]`) the place of the first one: each stands where its first key does.
+fn placed(mut entries: Vec<Node>) -> Vec<Node> {
+    let first = entries.first().map(|entry| entry.span.clone());
+    for entry in entries.iter_mut().skip(1).filter(|entry| Some(&entry.span) == first.as_ref()) {
+        if let Value::Table(members) = &entry.value {
+            let keys = members.values().map(|member| member.key.clone());
+            entry.span = keys.min_by_key(|key| key.start).unwrap_or(entry.span.clone());
+        }
+    }
+    entries
 }
 
 fn table_value(table: &DeTable<'_>) -> Value {

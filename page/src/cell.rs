@@ -153,34 +153,35 @@ fn particles(path: &Path) -> Option<Particles> {
 
 fn from_vtk(point: usize, step: u64, grains: &Path, contacts: &Path) -> Option<Cell> {
     let cloud = particles(grains)?;
-    let value = |from: &Particles, name: &str, place: usize| {
-        from.fields.get(name).and_then(|values| values.get(place)).copied().unwrap_or(0.0)
+    // A file without one of the values is not one that a run writes: nothing is drawn in place of what is not known.
+    let value = |from: &Particles, name: &str, place: usize| from.fields.get(name)?.get(place).copied();
+    let grain = |(place, &centre): (usize, &[f64; 3])| {
+        let (radius, rattler) = (value(&cloud, "radius", place)?, value(&cloud, "rattler", place)?);
+        Some(Grain { centre, radius, is_rattler: rattler != 0.0 })
     };
-    let grain = |(place, &centre): (usize, &[f64; 3])| Grain {
-        centre,
-        radius: value(&cloud, "radius", place),
-        is_rattler: value(&cloud, "rattler", place) != 0.0,
+    let contact = |lines: &Particles, place: usize, ends: &[[f64; 3]; 2]| {
+        Some(Contact {
+            from: ends[0],
+            to: ends[1],
+            compression: -value(lines, "normal_force", place)?,
+            tangential: value(lines, "tangential_force", place)?,
+            is_sliding: value(lines, "sliding", place)? != 0.0,
+        })
     };
+    // Runs write contacts only if they are asked for them.
     let lines = particles(contacts);
-    let contact = |lines: &Particles, place: usize, ends: &[[f64; 3]; 2]| Contact {
-        from: ends[0],
-        to: ends[1],
-        compression: -value(lines, "normal_force", place),
-        tangential: value(lines, "tangential_force", place),
-        is_sliding: value(lines, "sliding", place) != 0.0,
-    };
     let contacts = lines.iter().flat_map(|lines| {
         lines.places.as_chunks::<2>().0.iter().enumerate().map(|(place, ends)| contact(lines, place, ends))
     });
     // Discs turn about one axis, spheres about three.
-    let dimension = if cloud.fields.get("rotation").map_or(0, Vec::len) > cloud.places.len() { 3 } else { 2 };
+    let dimension = if cloud.fields.get("rotation")?.len() > cloud.places.len() { 3 } else { 2 };
     Some(Cell {
         point,
         step,
         dimension,
         vectors: Vec::new(),
-        grains: cloud.places.iter().enumerate().map(grain).collect(),
-        contacts: contacts.collect(),
+        grains: cloud.places.iter().enumerate().map(grain).collect::<Option<_>>()?,
+        contacts: contacts.collect::<Option<_>>()?,
     })
 }
 
@@ -188,6 +189,21 @@ fn from_vtk(point: usize, step: u64, grains: &Path, contacts: &Path) -> Option<C
 mod tests {
     use super::*;
     use std::fs;
+
+    /// A file with one grain, whose radius has this name.
+    fn grain_file(radius: &str) -> String {
+        let array = |name: &str, value: &str| {
+            format!("<DataArray type=\"Float64\" Name=\"{name}\" format=\"ascii\">{value}</DataArray>")
+        };
+        let data = [array(radius, "0.5"), array("rattler", "0"), array("rotation", "0")].concat();
+        let places =
+            "<DataArray type=\"Float64\" Name=\"Points\" NumberOfComponents=\"3\" format=\"ascii\">1 2 0</DataArray>";
+        format!(
+            "<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\"><PolyData>\
+             <Piece NumberOfPoints=\"1\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\
+             <PointData>{data}</PointData><Points>{places}</Points></Piece></PolyData></VTKFile>"
+        )
+    }
 
     #[test]
     fn the_cell_of_the_nearest_step_is_found_and_damaged_ones_are_not() {
@@ -215,11 +231,15 @@ mod tests {
         fs::write(place.path().join(FOLDER).join("point-x.json"), "{}").unwrap();
         fs::create_dir(place.path().join("grains")).unwrap();
         fs::write(place.path().join("grains/point-0009-step-0002.vtp"), "<VTKFile").unwrap();
-        assert_eq!(available(&folder), BTreeMap::from([(7, vec![4]), (9, vec![2])]));
+        fs::write(place.path().join("grains/point-0009-step-0003.vtp"), grain_file("radius")).unwrap();
+        fs::write(place.path().join("grains/point-0009-step-0004.vtp"), grain_file("size")).unwrap();
+        assert_eq!(available(&folder), BTreeMap::from([(7, vec![4]), (9, vec![2, 3, 4])]));
         assert_eq!([0, 4, 9].map(|step| nearest(&[4, 6], step)), [Some(4), Some(4), Some(6)]);
         assert_eq!(nearest(&[], 1), None);
         assert_eq!(read(&folder, 7, 4).unwrap()["contacts"].to_string(), "[[0.5,0.5,1,0,12,3,1]]");
         assert_eq!((read(&folder, 7, 5), read(&folder, 8, 0), read(&folder, 9, 2)), (None, None, None));
+        assert_eq!(read(&folder, 9, 3).unwrap()["grains"].to_string(), "[[1,2,0.5,0]]");
+        assert_eq!(read(&folder, 9, 4), None, "a grain without a radius is not drawn as a point");
         // A live run replaces the file of a point by that of a later step.
         let later = Cell { step: 11, ..cell };
         fs::write(place.path().join(Cell::file(7)), later.to_json().to_string()).unwrap();

@@ -5,6 +5,7 @@ use crate::functions::GrainspanPool;
 use crate::gather::Gather;
 use grain_pool::{PoolError, RvePool, State, Trial};
 use protocol::{TangentKind, Tensor2, TrialOptions, TrialResult};
+use std::env::VarError;
 use std::str::FromStr;
 use std::sync::OnceLock;
 
@@ -41,7 +42,29 @@ pub(crate) struct Material {
     tangent: TangentKind,
 }
 
+/// Strain out of the plane that is rounding: hosts such as CalculiX make solids of elements in plane strain, and tie their faces.
+const NO_STRAIN: f64 = 1e-9;
+
 impl Material {
+    /// The target of a cell: of discs the part in their plane.
+    ///
+    /// # Errors
+    /// Strains out of the plane of discs, which have no stiffness there.
+    pub(crate) fn target_of_cell(&self, target: &Tensor2) -> Result<Tensor2, Failure> {
+        if self.pool.dimension() != 2 {
+            return Ok(*target);
+        }
+        let out_of_plane = (0..9).filter(|place| place / 3 == 2 || place % 3 == 2).map(|place| target.0[place].abs());
+        let largest = out_of_plane.fold(0.0, f64::max);
+        if largest > NO_STRAIN {
+            return Err(Failure::input(format!(
+                "cells of discs serve plane strain alone, and this step strains by {largest:.1e} out of their plane; take a packing of \
+                 spheres for solids and axial symmetry"
+            )));
+        }
+        Ok(Tensor2::from_plane(target.plane()))
+    }
+
     /// The tangent operator that hosts get where they do not say more.
     pub(crate) fn tangent(&self) -> TangentKind {
         self.tangent
@@ -84,12 +107,26 @@ impl Material {
     }
 }
 
+/// The value of an environment variable, if it is set.
+///
+/// # Errors
+/// It is not text.
+fn optional(name: &str) -> Result<Option<String>, Failure> {
+    match std::env::var(name) {
+        Ok(text) => Ok(Some(text)),
+        Err(VarError::NotPresent) => Ok(None),
+        Err(VarError::NotUnicode(_)) => {
+            Err(Failure::input(format!("the environment variable {name} is not UTF-8 text")))
+        }
+    }
+}
+
 /// The value of an environment variable.
 ///
 /// # Errors
 /// It is not set, or is not text.
 fn named(name: &str) -> Result<String, Failure> {
-    std::env::var(name).map_err(|_| Failure::input(format!("the environment variable {name} is not set")))
+    optional(name)?.ok_or_else(|| Failure::input(format!("the environment variable {name} is not set")))
 }
 
 /// A whole number from an environment variable, 0 without it.
@@ -97,7 +134,7 @@ fn named(name: &str) -> Result<String, Failure> {
 /// # Errors
 /// It is no whole number.
 fn number<T: FromStr + Default>(name: &str) -> Result<T, Failure> {
-    let Ok(text) = std::env::var(name) else { return Ok(T::default()) };
+    let Some(text) = optional(name)? else { return Ok(T::default()) };
     let wrong =
         |_| Failure::input(format!("{name} = \"{text}\" is not a whole number; unset it for the usual choice"));
     text.trim().parse().map_err(wrong)
@@ -105,11 +142,11 @@ fn number<T: FromStr + Default>(name: &str) -> Result<T, Failure> {
 
 fn open() -> Result<Material, Failure> {
     let ramp_steps = number(RAMP_STEPS)?;
-    let strains = match std::env::var(STRAINS).as_deref() {
-        Err(_) | Ok("finite") => Strains::Finite,
-        Ok("lagrange") => Strains::Lagrange,
-        Ok("small") => Strains::Small,
-        Ok(other) => {
+    let strains = match optional(STRAINS)?.as_deref() {
+        None | Some("finite") => Strains::Finite,
+        Some("lagrange") => Strains::Lagrange,
+        Some("small") => Strains::Small,
+        Some(other) => {
             return Err(Failure::input(format!(
                 "{STRAINS} = \"{other}\": \"finite\", \"lagrange\" and \"small\" are known"
             )));

@@ -60,7 +60,7 @@ pub fn wire_layout() -> Value {
             "tangent_fallback": TrialFlags::TANGENT_FALLBACK.0,
             "tangent_regularised": TrialFlags::TANGENT_REGULARISED.0,
             "large_overlap": TrialFlags::LARGE_OVERLAP.0,
-            "fluid": TrialFlags::NO_LOAD_BEARING_CONTACTS.0,
+            "no_load_bearing_contacts": TrialFlags::NO_LOAD_BEARING_CONTACTS.0,
             "skipped_null_target": TrialFlags::SKIPPED_NULL_TARGET.0,
             "damping_changed": TrialFlags::DAMPING_CHANGED.0,
             "elastic_increment": TrialFlags::ELASTIC_INCREMENT.0,

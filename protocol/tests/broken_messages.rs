@@ -61,8 +61,8 @@ impl Heard {
 
 #[test]
 fn a_port_between_threads_answers_every_message_with_one_event() {
-    let (mut port, door) = channel();
-    let mut worker = door.join();
+    let (mut port, connector) = channel();
+    let mut worker = connector.join();
     let (sound, mut dice, mut heard) = (sound(), Dice(2), Heard::default());
     for _ in 0..5_000 {
         worker.send_raw(&broken(&sound, &mut dice)).unwrap();

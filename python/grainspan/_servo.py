@@ -8,7 +8,14 @@ import numpy as np
 
 from .errors import ElementTestStopped, TrialRefused
 from .history import History, warn_of, with_invariants
-from .result import DAMPING_CHANGED, FLUID, LARGE_OVERLAP, NOT_EQUILIBRATED, TANGENT_FALLBACK, TANGENT_REGULARISED
+from .result import (
+    DAMPING_CHANGED,
+    LARGE_OVERLAP,
+    NO_LOAD_BEARING_CONTACTS,
+    NOT_EQUILIBRATED,
+    TANGENT_FALLBACK,
+    TANGENT_REGULARISED,
+)
 
 if TYPE_CHECKING:
     from .result import TrialResult
@@ -24,7 +31,7 @@ _LARGEST_JUMP = 0.05
 #: What an accepted trial may fall short of, by the names of the counts of other tests.
 _FLAGGED = {
     "not_equilibrated": NOT_EQUILIBRATED,
-    "no_load": FLUID,
+    "no_load": NO_LOAD_BEARING_CONTACTS,
     "large_overlap": LARGE_OVERLAP,
     "damping_changed": DAMPING_CHANGED,
     "tangent_fallbacks": TANGENT_FALLBACK,

@@ -19,6 +19,12 @@ from .rve import Rve
 #: Residual of a point of the curve that a test has not reached.
 _MISSED = 1.0
 
+#: A combination of parameters that changes the curves by less than this share of what one parameter does is not determined by them.
+_UNDETERMINED = 1e-7
+
+#: Parameters with a smaller part in such a combination are determined.
+_PART = 1e-4
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -200,10 +206,16 @@ def _increasing(values: np.ndarray, what: str) -> None:
 
 
 def _deviations(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Standard deviations of the parameters of a linear fit."""
-    freedom = max(1, jacobian.shape[0] - jacobian.shape[1])
-    try:
-        covariance = np.linalg.inv(jacobian.T @ jacobian) * (residual @ residual) / freedom
-    except np.linalg.LinAlgError:
-        return np.full(jacobian.shape[1], np.nan)
-    return np.sqrt(np.diag(covariance))
+    """Standard deviations of the parameters of a linear fit; NaN for those that the residuals do not determine."""
+    rows, count = jacobian.shape
+    sizes = np.linalg.norm(jacobian, axis=0)
+    # Columns of length 1: parameters of any scale are undetermined by the same measure.
+    scaled = jacobian / np.where(sizes > 0.0, sizes, 1.0)
+    _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
+    kept = singular > _UNDETERMINED
+    covariance = (directions[kept].T / singular[kept] ** 2) @ directions[kept]
+    variance = np.diag(covariance) * (residual @ residual) / max(1, rows - count)
+    # A parameter that has a part in a combination that changes nothing can have any value.
+    free = (np.abs(directions[~kept]) > _PART).any(axis=0) | (sizes == 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(free, np.nan, np.sqrt(variance) / sizes)

@@ -98,13 +98,17 @@ def read_grains(folder: str | os.PathLike[str], point: int | None = None, step: 
 def _of_collection(collection: Path, step: int) -> Fields:
     try:
         entries = ElementTree.parse(collection).getroot().findall("Collection/DataSet")
-    except OSError as error:
+    except (OSError, ElementTree.ParseError) as error:
         raise InputError(f"cannot read {collection}: {error}") from error
     try:
         entry = entries[step]
     except IndexError:
         raise InputError(f"{collection} has {len(entries)} steps, counted from 0; there is no {step}") from None
-    return _read(collection.parent / entry.attrib["file"], float(entry.attrib["timestep"]))
+    try:
+        name, time = entry.attrib["file"], float(entry.attrib["timestep"])
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{collection} is no collection of a run: {error} in step {step}") from error
+    return _read(collection.parent / name, time)
 
 
 def _read(path: Path, time: float) -> Fields:

@@ -226,6 +226,9 @@ impl Scene {
     }
 }
 
+/// Most characters of the name of a run, which becomes a part of names of files and of shared memory.
+const LONGEST_NAME: usize = 100;
+
 fn name(document: &Document, given: Option<&Located<String>>) -> Result<String, InputError> {
     let Some(given) = given else {
         let stem = document.path().file_stem().map(|stem| stem.to_string_lossy().into_owned());
@@ -236,6 +239,11 @@ fn name(document: &Document, given: Option<&Located<String>>) -> Result<String, 
         return Err(document
             .error_at(given.span(), format!("'{}' cannot name a folder", given.get_ref()))
             .hint("use letters, digits, '-' and '_' only"));
+    }
+    if given.get_ref().len() > LONGEST_NAME {
+        return Err(document
+            .error_at(given.span(), format!("a name of {} characters is too long for files", given.get_ref().len()))
+            .hint(format!("use at most {LONGEST_NAME} characters")));
     }
     Ok(given.get_ref().clone())
 }

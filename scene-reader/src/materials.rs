@@ -206,6 +206,11 @@ impl Region<'_> {
                 let within = |place: [f64; 3]| (0..axes).all(|axis| (from[axis]..=to[axis]).contains(&place[axis]));
                 (0..mesh.elements.len()).filter(|&element| within(centre(mesh, element))).collect()
             }
+            (Some(_), ..) => {
+                return Err(self
+                    .error("its elements are given twice, by a set and by a box")
+                    .hint("remove `elements`, or `from` and `to`"));
+            }
             _ => {
                 return Err(self
                     .error("its elements are not given")

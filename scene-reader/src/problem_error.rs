@@ -24,6 +24,8 @@ pub(super) fn problem_error(document: &Document, error: &ProblemError) -> InputE
         ProblemError::HistoryAtRest | ProblemError::MotionOffRamp | ProblemError::FrictionUnknownLoad => {
             vec!["loading".to_owned(), "control".to_owned()]
         }
+        ProblemError::Mass(_) => vec!["dynamics".to_owned(), "lumping".to_owned()],
+        ProblemError::FrictionHistory => vec!["friction".to_owned()],
         ProblemError::RigidMotion { .. } | ProblemError::NoDirection { .. } | ProblemError::NoImage { .. } => {
             return document
                 .error(error)

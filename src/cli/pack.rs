@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     if let Some(SoftGrains { problem, remedy }) = soft_grains(&recipe) {
         return Err(document.error_at_key(&["contact"], problem).hint(remedy).into());
     }
-    expect_place(arguments.out.as_deref())?;
+    expect_place(arguments.out.as_deref(), &[&arguments.recipe])?;
     let heartbeat = Heartbeat::start(arguments.quiet);
     let made = generate_any(&recipe, &mut |progress| heartbeat.set(stage(progress)));
     drop(heartbeat);
@@ -140,7 +140,7 @@ fn summary(recipe: &PackingRecipe, report: &PackingReport) -> String {
         ),
         ("fabric anisotropy", format!("{:.3e}", report.fabric_anisotropy)),
         ("largest overlap", format!("{:.1e} of a diameter", report.max_overlap_ratio)),
-        ("friction in preparation", format!("{}", report.friction)),
+        ("friction at the end", format!("{}", report.friction)),
         ("cost", format!("{} force evaluations", report.force_evaluations)),
     ];
     for (name, value) in state {

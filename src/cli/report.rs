@@ -2,10 +2,10 @@
 
 use super::watch::program;
 use crate::exit::{Exit, Failure};
-use crate::stdout::print;
+use crate::stdout::{expect_place, print};
 use macro_solver::output::write_atomically;
 use page::RunFolder;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `grainspan report`.
 #[derive(clap::Args, Debug)]
@@ -28,7 +28,16 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let folder = RunFolder::open(&arguments.folder).map_err(|error| Failure::new(Exit::BadInput, error))?;
     let place = arguments.out.clone().unwrap_or_else(|| arguments.folder.join("report.html"));
+    let inputs: Vec<PathBuf> =
+        files_of(&arguments.folder).filter(|path| path.file_name() != Some("report.html".as_ref())).collect();
+    expect_place(Some(&place), &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     write_atomically(&place, page::report(&folder, &program()).as_bytes())?;
     print(format!("written to {}\n", place.display()).as_bytes())?;
     Ok(Exit::Done)
+}
+
+/// The files in a folder.
+fn files_of(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(|path| path.is_file())
 }

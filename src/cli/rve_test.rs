@@ -101,7 +101,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     crate::exit::warn(&document);
     document.expect(Kind::ElementTest)?;
     let (test, packing) = read_element_test(&document)?;
-    expect_place(arguments.out.as_deref())?;
+    expect_place(arguments.out.as_deref(), &[path, &document.resolve(Path::new(&test.packing))])?;
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
     let heartbeat = Heartbeat::start(arguments.quiet);

@@ -12,6 +12,7 @@ use macro_solver::solve::solve;
 use protocol::{Cost, Observables, Observed, Scalars, TangentKind, Tensor2, Tensor4, TrialFlags, TrialResult};
 use rve_server::definition::{AnyDefinition, GrainDefinition};
 use rve_server::engine::{GrainRve, ListedForces};
+use rve_server::homogenization::fabric::LARGE_OVERLAP_RATIO;
 use rve_server::solver::SolverFor;
 use scene_reader::Scene;
 use std::collections::{BTreeMap, BTreeSet};
@@ -134,7 +135,7 @@ impl PackingState {
                     .to_owned(),
             );
         }
-        if self.scalars.max_overlap_ratio > 0.1 {
+        if self.scalars.max_overlap_ratio > LARGE_OVERLAP_RATIO {
             remarks.push(format!(
                 "grains overlap by {:.2} of a diameter: wrong units, a modulus that is too small, or another contact law than the \
                  packing was made with",

@@ -11,7 +11,7 @@ use protocol::TangentKind;
 use rve_server::definition::Packing;
 use rve_server::programs::rve_test::{ElementCsv, ElementTest, run_element_on};
 use scene_reader::{Document, Kind, read_element_test};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -41,7 +41,8 @@ impl FromStr for Sweep {
             .ok_or("give KEY=FIRST:LAST:COUNT or KEY=VALUE,VALUE,..., such as contact.friction=0.1:0.7:7")?;
         let values = match values.split(':').collect::<Vec<_>>()[..] {
             [first, last, count] => spaced(first, last, count)?,
-            _ => values.split(',').map(|value| value.trim().to_owned()).collect(),
+            // A text may be written as in the file; the table has what it says.
+            _ => values.split(',').map(|value| value.trim().trim_matches(['"', '\'']).to_owned()).collect(),
         };
         match values.iter().any(String::is_empty) {
             true => Err("a value is missing between two commas".to_owned()),
@@ -101,7 +102,11 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
             format!("{} tests are too many: at most {MOST_TESTS}", combinations.len()),
         ));
     }
-    expect_place(common.out)?;
+    let mut keys = BTreeSet::new();
+    if let Some(twice) = sweeps.iter().find(|sweep| !keys.insert(sweep.key.as_str())) {
+        let text = format!("--sweep {}: the key is swept twice", twice.key);
+        return Err(Failure::new(Exit::BadInput, format!("{text}\nhint: give all its values in one --sweep")));
+    }
     check(common, sweeps, &combinations)?;
     let interrupt = SignalWatch::flag("the rows so far are written")?;
     let results = run_side_by_side(common, sweeps, &combinations, &interrupt);
@@ -249,7 +254,8 @@ fn check(common: &Common<'_>, sweeps: &[Sweep], combinations: &[Vec<&str>]) -> R
         if combinations.len() <= MOST_CHECKED { combinations.to_vec() } else { each_value.collect() };
     let mut first = None;
     for values in &chosen {
-        let (document, _, packing) = read(common, sweeps, values)?;
+        let (document, test, packing) = read(common, sweeps, values)?;
+        expect_place(common.out, &[common.path, &document.resolve(Path::new(&test.packing))])?;
         let dimension = packing.dimension();
         match first {
             None => {

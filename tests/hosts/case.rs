@@ -59,7 +59,7 @@ pub enum Kind {
     Delay,
     /// SIGKILL to the macro, which is resumed on another host.
     MacroKilled,
-    /// Noise at the door, and agents with another secret.
+    /// Noise at the connector, and agents with another secret.
     Strangers,
 }
 
@@ -441,7 +441,7 @@ impl Case<'_> {
         Ok(())
     }
 
-    /// Noise at the door from a host, and an agent with another secret, which is told so.
+    /// Noise at the connector from a host, and an agent with another secret, which is told so.
     fn strangers(&self) -> Result<(), String> {
         let join = fs::read_to_string(self.folder.path().join("out/join")).unwrap_or_default();
         let Some(port) = join.split('"').find_map(|part| part.rsplit_once(':')?.1.parse::<u16>().ok()) else {

@@ -12,8 +12,9 @@ use rve_server::server::{ServeOptions, serve};
 
 /// The same definition stands behind every point.
 pub fn solved_in_process(problem: &Problem, definition: Definition, observer: &mut dyn Observer) -> Run {
-    let (port, door) = channel();
-    let worker = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("test")));
+    let (port, connector) = channel();
+    let worker =
+        std::thread::spawn(move || serve(&mut GrainEngine, &mut connector.join(), &ServeOptions::new("test")));
     let mut settings = PoolSettings::new("test");
     settings.tangents = vec![problem.stages[0].strategy.tangent];
     let points = vec![0; problem.point_count()];

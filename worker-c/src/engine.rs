@@ -6,7 +6,7 @@ use protocol::{
     Capabilities, Cost, Definition, DefinitionId, RveEngine, RveError, RveSolver, Scalars, SnapshotKind, TangentKind,
     Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, snapshot,
 };
-use rve_server::definition::{EngineFeature, PackingFile};
+use rve_server::definition::{EngineFeature, PackingFile, RveOptions};
 use serde_json::Value;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::time::Instant;
@@ -342,16 +342,11 @@ impl Parts {
                     packing["periodicity"][row][column].as_f64().ok_or(lacks("periodicity"))?;
             }
         }
-        let options = &value["options"];
-        let named = match options["accuracy"].as_str() {
-            Some("draft") => (5e-6, 1e-2),
-            Some("tight") => (1e-7, 1e-7),
-            _ => (1e-6, 1e-3),
+        let options = match &value["options"] {
+            Value::Null => RveOptions::default(),
+            options => serde_json::from_value::<RveOptions>(options.clone())
+                .map_err(|error| RveError::Definition(format!("the options of the definition: {error}")))?,
         };
-        let accuracy = (
-            options["strain_per_step"].as_f64().unwrap_or(named.0),
-            options["tolerance"].as_f64().unwrap_or(named.1),
-        );
         Ok(Self {
             version,
             dimension: dimension as u32,
@@ -361,8 +356,8 @@ impl Parts {
             periodicity,
             thickness: packing["thickness"].as_f64().unwrap_or(1.0),
             contact: value["contact"].clone(),
-            accuracy,
-            largest_target: options["largest_target"].as_f64(),
+            accuracy: (options.strain_per_step(), options.tolerance()),
+            largest_target: options.largest_target,
             text: CString::new(value.to_string())
                 .map_err(|_| RveError::Definition("the definition holds a null byte".into()))?,
         })

@@ -122,8 +122,9 @@ class Definition:
 
     @property
     def tolerance(self):
-        """Value that the equilibrium criterion must reach."""
-        return self.options.get("tolerance") or ACCURACIES[self.options.get("accuracy", "default")][1]
+        """Value that the equilibrium criterion must reach. Energies are quadratic in the forces, and so are the named values then."""
+        named = ACCURACIES[self.options.get("accuracy", "default")][1]
+        return self.options.get("tolerance") or (named**2 if self.options.get("criterion") == "energy" else named)
 
     @property
     def max_steps(self):

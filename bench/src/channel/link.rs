@@ -149,10 +149,10 @@ impl Drop for Joined {
 }
 
 fn in_process() -> anyhow::Result<PortLink<InProcessMacroPort, Joined>> {
-    let (port, door) = channel();
+    let (port, connector) = channel();
     let thread = std::thread::spawn(move || {
         // Its only failure is the end of the link.
-        let _ = answer_jobs(&mut door.join(), "threads");
+        let _ = answer_jobs(&mut connector.join(), "threads");
     });
     PortLink { port, _helper: Joined(Some(thread)) }.await_hello()
 }

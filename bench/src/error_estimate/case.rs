@@ -241,9 +241,9 @@ pub(super) fn solution(
         made_of.extend(plan.fixed.iter().map(|_| 1));
         made_of.extend(plan.roaming.iter().map(|_| 0));
     }
-    let (port, door) = channel();
+    let (port, connector) = channel();
     std::thread::scope(|scope| {
-        let mut worker = door.join();
+        let mut worker = connector.join();
         let served = scope.spawn(move || serve(&mut GrainEngine, &mut worker, &ServeOptions::new("error-estimate")));
         let settings = PoolSettings::new("error-estimate");
         let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, definitions, &made_of);

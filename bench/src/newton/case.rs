@@ -154,9 +154,9 @@ fn solve_with(
     points: &[usize],
     solving: &Solving<'_>,
 ) -> anyhow::Result<StrategyRun> {
-    let (port, door) = channel();
+    let (port, connector) = channel();
     std::thread::scope(|scope| {
-        let mut worker = door.join();
+        let mut worker = connector.join();
         let served = scope.spawn(move || serve(&mut GrainEngine, &mut worker, &ServeOptions::new("newton")));
         // As in a run: enough trials at a time for the lanes.
         let settings = PoolSettings { jobs_per_message: JOBS_A_MESSAGE, ..PoolSettings::new("newton") };

@@ -200,12 +200,12 @@ impl MacroPort for VirtualPort {
     fn kill(&mut self, _worker: WorkerId) {}
 
     fn waker(&self) -> Arc<dyn Waker> {
-        Arc::new(NobodyWaits)
+        Arc::new(NoWaker)
     }
 }
 
-struct NobodyWaits;
+struct NoWaker;
 
-impl Waker for NobodyWaits {
+impl Waker for NoWaker {
     fn wake(&self) {}
 }

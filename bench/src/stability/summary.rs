@@ -19,7 +19,7 @@ struct Summary {
     machine: Machine,
     seed: u64,
     cases: usize,
-    /// Finer runs were made for so many.
+    /// Number of finer runs.
     checked: usize,
     /// Cases by class.
     classes: BTreeMap<&'static str, usize>,

@@ -185,7 +185,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
             return Ok(());
         }
         let Some(search) = &self.search else {
-            self.search = Some(self.start_search());
+            self.search = Some(self.start_search()?);
             return Ok(());
         };
         match search.found.try_recv() {
@@ -207,21 +207,22 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         }
     }
 
-    fn start_search(&self) -> Search {
+    fn start_search(&self) -> Result<Search, JoinError> {
         let (send, found) = channel();
-        let (target, options, bell) = (Arc::clone(&self.target), self.options.clone(), self.local.waker());
+        let (target, options, waker) = (Arc::clone(&self.target), self.options.clone(), self.local.waker());
         let interrupt = self.interrupt.clone();
         let look = move || {
             let go_on = || !interrupt.is_raised();
             let (bytes, limits, timeout) = (options.state_bytes, options.limits, options.timeout);
-            let joined = Link::join_within(&*target, bytes, limits, Some(&bell), timeout, &go_on);
+            let joined = Link::join_within(&*target, bytes, limits, Some(&waker), timeout, &go_on);
             // The agent may have ended meanwhile.
             let _ = send.send(joined);
-            bell.wake();
+            waker.wake();
         };
-        // Without a thread the channel closes, which is reported.
-        let _ = std::thread::Builder::new().name("search".into()).spawn(look);
-        Search { found }
+        let started = std::thread::Builder::new().name("search".into()).spawn(look);
+        started
+            .map_err(|error| JoinError::Unreachable(format!("the search for the run cannot be started: {error}")))?;
+        Ok(Search { found })
     }
 
     /// Tells the macro of a worker.

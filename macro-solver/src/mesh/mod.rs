@@ -223,6 +223,18 @@ pub enum MeshError {
         /// Node.
         node: usize,
     },
+    /// A ring needs a hole, and enough elements around it to close.
+    #[error(
+        "a ring with a hole of radius {inner} m and {around} elements around is not possible: it takes a positive radius and at least {least} elements"
+    )]
+    Ring {
+        /// Radius of the hole, m.
+        inner: f64,
+        /// Elements around.
+        around: usize,
+        /// Fewest that close.
+        least: usize,
+    },
     /// A generator needs positive lengths and at least one element each way.
     #[error("a block of {size} m with {elements} elements is not possible")]
     Block {

@@ -49,12 +49,11 @@ impl Ring {
     /// Generates the mesh; elements are numbered outwards first, then around. Corners and middle nodes lie on circles.
     ///
     /// # Errors
-    /// [`MeshError::Block`] for impossible sections, or a whole ring of fewer than three cells.
+    /// [`MeshError::Ring`] for an impossible hole, or a whole ring of fewer than three cells; [`MeshError::Block`] for impossible sections.
     pub fn mesh(&self) -> Result<Mesh, MeshError> {
-        let refused = MeshError::Block { size: self.inner.to_string(), elements: self.around.to_string() };
-        let sound = self.inner.is_finite() && self.inner > 0.0;
-        if !sound || (self.part == RingPart::Whole && self.around < 3) {
-            return Err(refused);
+        let least = if self.part == RingPart::Whole { 3 } else { 1 };
+        if !(self.inner.is_finite() && self.inner > 0.0) || self.around < least {
+            return Err(MeshError::Ring { inner: self.inner, around: self.around, least });
         }
         let turn = Section::even(self.part.quarters() as f64, self.around);
         let mut found = lattice(self.kind, [&[self.across], &[turn], &[self.thickness]])?.mesh(|_| true);
@@ -182,7 +181,7 @@ mod tests {
             ring(RingPart::Whole, 2, ElementKind::Q4),
             ring(RingPart::Half, 0, ElementKind::Q4),
         ] {
-            assert!(matches!(wrong.mesh(), Err(MeshError::Block { .. })), "{wrong:?}");
+            assert!(matches!(wrong.mesh(), Err(MeshError::Ring { .. })), "{wrong:?}");
         }
     }
 }

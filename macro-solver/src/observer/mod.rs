@@ -190,7 +190,7 @@ pub struct FlagCounts {
     /// Overlap above 10 % of a grain.
     pub large_overlap: u64,
     /// No load-bearing contacts.
-    #[serde(rename = "fluid")]
+    #[serde(alias = "fluid")]
     pub no_load_bearing_contacts: u64,
     /// The target was exactly zero.
     pub null_targets: u64,
@@ -310,8 +310,11 @@ pub struct DynamicsView<'a> {
 /// Counts and times of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
-    /// Accepted load steps, without the initial equilibrium, and time steps of dynamic stages.
+    /// Accepted load steps, without the initial equilibrium, and reports of dynamic stages.
     pub steps: u64,
+    /// Time steps of dynamic stages.
+    #[serde(default)]
+    pub time_steps: u64,
     /// Out-of-balance force of the initial stress over the reactions or loads, whichever is larger.
     pub initial_imbalance: f64,
     /// Largest deviation of the initial stress from what [`crate::problem::InitialState`] expects, over the largest

@@ -143,8 +143,11 @@ pub struct Summary {
     /// Why it did not reach its end, for people; left out of a run that did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// Accepted steps.
+    /// Accepted steps; of dynamic stages, the reports.
     pub steps: u64,
+    /// Time steps of dynamic stages.
+    #[serde(default)]
+    pub time_steps: u64,
     /// Gauss points of the mesh.
     pub gauss_points: u64,
     /// Newton iterations, those of rejected attempts included.
@@ -244,6 +247,7 @@ mod tests {
             status: RunStatus::NotConverged,
             reason: Some("no progress".to_owned()),
             steps: 3,
+            time_steps: 0,
             gauss_points: 8,
             newton_iterations: 9,
             rve_evaluations: 72,

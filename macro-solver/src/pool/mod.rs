@@ -362,8 +362,9 @@ impl<P: MacroPort> Pool<P> {
             }
             if left.is_zero() {
                 let text = format!(
-                    "no worker has joined run `{}` for {worker_timeout:?}{trouble}",
-                    self.coordinator.settings.run
+                    "no worker has joined run `{}` for {} s{trouble}",
+                    self.coordinator.settings.run,
+                    worker_timeout.as_secs_f64()
                 );
                 return Err(MaterialError::WorkersLost(text));
             }

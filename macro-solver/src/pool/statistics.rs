@@ -30,7 +30,7 @@ pub struct SolvedTrials {
 }
 
 impl SolvedTrials {
-    /// Counts one trial that came in a message of so many.
+    /// Counts one trial that came in a message of `jobs` trials.
     pub(super) fn add(&mut self, cost: &Cost, in_message: usize) {
         self.trials += 1;
         self.force_evaluations += cost.force_evaluations;

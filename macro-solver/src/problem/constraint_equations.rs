@@ -254,6 +254,12 @@ impl<'a> Writer<'a, '_> {
             let share = term.coefficient / nodes.len() as f64;
             equation.terms.extend(nodes.iter().map(|node| (self.dimension() * node + term.axis.index(), share)));
         }
+        if terms.iter().all(|term| term.coefficient == 0.0) {
+            return Err(ProblemError::MultiPointConstraint {
+                reason: "a sum without terms, or with coefficients of zero only, ties nothing",
+                remedy: "give it terms, or remove it",
+            });
+        }
         self.equations.push(equation);
         Ok(())
     }
@@ -309,6 +315,12 @@ impl Problem {
         let distance =
             |one: [f64; 3], other: [f64; 3]| (0..3).map(|i| (one[i] - other[i]).powi(2)).sum::<f64>().sqrt();
         let size = distance(offset, [0.0; 3]);
+        if size == 0.0 {
+            return Err(ProblemError::MultiPointConstraint {
+                reason: "periodic sets lie in the same place, so that nodes are to move as themselves",
+                remedy: "name two opposite sides in from and to",
+            });
+        }
         let mut pairs = Vec::with_capacity(first.len());
         for &node in first {
             let image: [f64; 3] = std::array::from_fn(|axis| self.mesh.nodes[node][axis] + offset[axis]);

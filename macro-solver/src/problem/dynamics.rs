@@ -1,6 +1,6 @@
 //! What an explicit dynamic stage needs beside its conditions and its duration.
 
-use crate::element::mass::Lumping;
+use crate::element::mass::{Lumping, lumped_masses};
 use crate::mesh::Dimension;
 use crate::problem::Problem;
 use crate::problem::error::ProblemError;
@@ -331,6 +331,10 @@ impl DynamicSettings {
         }
         for sides in &self.absorbing {
             problem.sides(sides)?;
+        }
+        let mesh = &problem.mesh;
+        for (element, kind) in mesh.kinds.iter().enumerate() {
+            lumped_masses(*kind, &mesh.element_positions(element), self.density_of(element), self.lumping)?;
         }
         Ok(())
     }

@@ -42,13 +42,13 @@ pub enum PathControl {
 }
 
 impl PathControl {
-    /// Node sets that it measures, each with the component if only one counts.
-    pub fn measured(&self) -> Vec<(&str, Option<Axis>)> {
+    /// Node sets that it measures (`None`: all nodes), each with the component if only one counts.
+    pub fn measured(&self) -> Vec<(Option<&str>, Option<Axis>)> {
         match self {
             Self::Load => Vec::new(),
-            Self::ArcLength { set, component, .. } => set.iter().map(|set| (set.as_str(), *component)).collect(),
+            Self::ArcLength { set, component, .. } => vec![(set.as_deref(), *component)],
             Self::Indirect { nodes, relative_to, axis, .. } => {
-                std::iter::once(nodes).chain(relative_to).map(|set| (set.as_str(), Some(*axis))).collect()
+                std::iter::once(nodes).chain(relative_to).map(|set| (Some(set.as_str()), Some(*axis))).collect()
             }
         }
     }

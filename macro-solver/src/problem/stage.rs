@@ -257,7 +257,7 @@ impl Stabilisation {
 }
 
 impl Default for Stabilisation {
-    /// Of any other stage: under loads that change, a body that takes so many increments has collapsed.
+    /// Of any other stage: under loads that change, a body that takes more increments than this has collapsed.
     fn default() -> Self {
         Self { after: None, most_increments: 100, viscosity: 0.1, commit_iterates_after: None }
     }

@@ -107,7 +107,7 @@ impl Problem {
             }
         }
         for (nodes, axis) in stage.control.path.measured() {
-            self.nodes(nodes)?;
+            nodes.map_or(Ok(&[][..]), |nodes| self.nodes(nodes))?;
             if axis == Some(Axis::Z) && self.mesh.dimension == Dimension::Plane {
                 return Err(ProblemError::NoThirdAxis);
             }

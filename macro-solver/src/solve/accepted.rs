@@ -56,7 +56,7 @@ pub(super) struct LastStep {
 }
 
 impl LastStep {
-    /// Whether its displacements are those of a mesh with so many degrees of freedom.
+    /// Whether its displacements are those of a mesh with this number of degrees of freedom.
     pub(super) fn fits(&self, dofs: usize) -> bool {
         self.increment.len() == dofs && [0, dofs].contains(&self.correction.len())
     }

@@ -45,9 +45,9 @@ pub fn equilibrium_stress(
     let newton = Procedure::default();
     let relaxation =
         Procedure::Relaxation(RelaxationSettings { max_iterations: MOST_RELAXING, ..Default::default() });
-    let mut reason = String::new();
+    let mut reasons = Vec::new();
     // Newton's method takes some ten iterations, but can go to and fro between points that yield in turns; a damped motion cannot.
-    for procedure in [newton, relaxation] {
+    for (name, procedure) in [("Newton's method", newton), ("dynamic relaxation", relaxation)] {
         let start = start_of(problem, procedure);
         let mut solver = Solver::new(&start)?;
         let mut material = FrictionalMaterial::new(
@@ -58,13 +58,20 @@ pub fn equilibrium_stress(
             problem.point_count(),
         );
         let session = &mut Session { material: &mut material, observer: &mut Silent, store: &mut NoCheckpoints };
-        reason = match solver.solve_start(session) {
+        let reason = match solver.solve_start(session) {
             Ok(()) => return Ok(material.stresses()),
-            Err(Outcome::DidNotConverge { reason }) => reason,
-            Err(outcome) => format!("{outcome:?}"),
+            Err(Outcome::Refused(error)) => return Err(error.into()),
+            Err(
+                Outcome::DidNotConverge { reason }
+                | Outcome::Unstable { reason, .. }
+                | Outcome::WorkersLost { reason },
+            ) => reason,
+            // Nothing observes this solution or continues it.
+            Err(outcome) => format!("ended early ({outcome:?})"),
         };
+        reasons.push(format!("{name}: {reason}"));
     }
-    Err(EquilibriumError::NotFound(reason))
+    Err(EquilibriumError::NotFound(reasons.join("; ")))
 }
 
 impl Solver<'_> {

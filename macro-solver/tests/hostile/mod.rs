@@ -271,13 +271,13 @@ impl MacroPort for Port {
     }
 
     fn waker(&self) -> Arc<dyn Waker> {
-        Arc::new(NobodyWaits)
+        Arc::new(NoWaker)
     }
 }
 
-struct NobodyWaits;
+struct NoWaker;
 
-impl Waker for NobodyWaits {
+impl Waker for NoWaker {
     fn wake(&self) {}
 }
 

@@ -145,7 +145,7 @@ unsafe fn integrate(view: &View, behaviour: Behaviour) -> Result<(), Failure> {
     let target = Tensor2(std::array::from_fn(|place| step[place / 3][place % 3]));
 
     let target = match (material.pool.dimension(), behaviour.is_plane_strain) {
-        (2, true) => Tensor2::from_plane(target.plane()),
+        (2, true) => material.target_of_cell(&target)?,
         (2, false) => {
             let text = "cells of discs serve plane strain only; use a packing of spheres";
             return Err(Failure::input(text));

@@ -13,7 +13,7 @@ use crate::ffi_boundary::{Failure, slice, slice_mut};
 use crate::functions::scalars_of;
 use crate::material::{Material, Strains};
 use crate::measures::End;
-use grain_pool::{RvePool, State};
+use grain_pool::State;
 use history::{Call, Points};
 use protocol::{Tensor2, Tensor4, TrialResult};
 use std::ffi::{c_char, c_int};
@@ -101,7 +101,6 @@ pub unsafe extern "C" fn umat_(
             Strains::Finite | Strains::Lagrange => call.target(),
             Strains::Small => shape.strain(strain),
         };
-        refuse_space(&target, &material.pool)?;
         let result = evaluate(&call, target, material)?;
         let components = shape.components();
         // SAFETY: as promised by the caller.
@@ -143,29 +142,10 @@ pub unsafe extern "C" fn umat_(
     }
 }
 
-/// Strain out of the plane that is rounding: hosts such as CalculiX make solids of elements in plane strain, and tie their faces.
-const NO_STRAIN: f64 = 1e-9;
-
-/// Cells of discs have no strain and no stiffness out of their plane.
-fn refuse_space(target: &Tensor2, pool: &RvePool) -> Result<(), Failure> {
-    if pool.dimension() != 2 {
-        return Ok(());
-    }
-    let out_of_plane = (0..9).filter(|place| place / 3 == 2 || place % 3 == 2).map(|place| target.0[place].abs());
-    let largest = out_of_plane.fold(0.0, f64::max);
-    if largest > NO_STRAIN {
-        return Err(Failure::input(format!(
-            "cells of discs serve plane strain alone, and this step strains by {largest:.1e} out of their plane; take a packing of \
-             spheres for solids and axial symmetry"
-        )));
-    }
-    Ok(())
-}
-
 /// The response of one point.
 fn evaluate(call: &Call, target: Tensor2, material: &Material) -> Result<TrialResult, Failure> {
+    let target = material.target_of_cell(&target)?;
     let state: State = known().lock().unwrap_or_else(PoisonError::into_inner).enter(call, &material.pool)?;
-    let target = if material.pool.dimension() == 2 { Tensor2::from_plane(target.plane()) } else { target };
     material.trial(state, target, material.options(material.tangent()))
 }
 

@@ -22,7 +22,7 @@ enum ToMacro {
 }
 
 #[derive(Default)]
-struct Switchboard {
+struct Queues {
     to_macro: VecDeque<ToMacro>,
     /// Mailboxes of living workers.
     to_worker: BTreeMap<WorkerId, VecDeque<Vec<u8>>>,
@@ -33,62 +33,62 @@ struct Switchboard {
 
 #[derive(Default)]
 struct Hub {
-    board: Mutex<Switchboard>,
+    queues: Mutex<Queues>,
     changed: Condvar,
 }
 
 impl Hub {
     /// A thread that panicked while holding the lock left the queues sound: every change is one push or one pop.
-    fn lock(&self) -> MutexGuard<'_, Switchboard> {
-        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Queues> {
+        self.queues.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Blocks until `ready` or until `wait` has passed.
-    fn wait_for(&self, wait: Duration, ready: impl Fn(&Switchboard) -> bool) -> MutexGuard<'_, Switchboard> {
+    fn wait_for(&self, wait: Duration, ready: impl Fn(&Queues) -> bool) -> MutexGuard<'_, Queues> {
         let deadline = Instant::now().checked_add(wait);
-        let mut board = self.lock();
-        while !ready(&board) {
+        let mut queues = self.lock();
+        while !ready(&queues) {
             let left = deadline.map_or(Duration::MAX, |end| end.saturating_duration_since(Instant::now()));
             if left.is_zero() {
                 break;
             }
-            board = if left == Duration::MAX {
-                self.changed.wait(board).unwrap_or_else(PoisonError::into_inner)
+            queues = if left == Duration::MAX {
+                self.changed.wait(queues).unwrap_or_else(PoisonError::into_inner)
             } else {
-                self.changed.wait_timeout(board, left).unwrap_or_else(PoisonError::into_inner).0
+                self.changed.wait_timeout(queues, left).unwrap_or_else(PoisonError::into_inner).0
             };
         }
-        board
+        queues
     }
 
     fn lose(&self, worker: WorkerId, reason: &str) {
-        let mut board = self.lock();
-        if board.to_worker.remove(&worker).is_some() {
-            board.to_macro.push_back(ToMacro::Lost(worker, reason.to_owned()));
+        let mut queues = self.lock();
+        if queues.to_worker.remove(&worker).is_some() {
+            queues.to_macro.push_back(ToMacro::Lost(worker, reason.to_owned()));
         }
         self.changed.notify_all();
     }
 }
 
-/// Opens a channel: the macro's port and the door through which workers join.
-pub fn channel() -> (InProcessMacroPort, InProcessDoor) {
+/// Opens a channel: the macro's port and the connector through which workers join.
+pub fn channel() -> (InProcessMacroPort, InProcessConnector) {
     let hub = Arc::new(Hub::default());
-    (InProcessMacroPort { hub: Arc::clone(&hub) }, InProcessDoor { hub })
+    (InProcessMacroPort { hub: Arc::clone(&hub) }, InProcessConnector { hub })
 }
 
 /// Lets workers join; cloned into the threads that run them.
 #[derive(Clone)]
-pub struct InProcessDoor {
+pub struct InProcessConnector {
     hub: Arc<Hub>,
 }
 
-impl InProcessDoor {
+impl InProcessConnector {
     /// A new worker's port.
     pub fn join(&self) -> InProcessWorkerPort {
-        let mut board = self.hub.lock();
-        let worker = WorkerId(board.joined);
-        board.joined += 1;
-        board.to_worker.insert(worker, VecDeque::new());
+        let mut queues = self.hub.lock();
+        let worker = WorkerId(queues.joined);
+        queues.joined += 1;
+        queues.to_worker.insert(worker, VecDeque::new());
         InProcessWorkerPort { hub: Arc::clone(&self.hub), worker, loss_reported: false }
     }
 }
@@ -101,8 +101,8 @@ pub struct InProcessMacroPort {
 impl InProcessMacroPort {
     fn send(&self, worker: WorkerId, message: &Outgoing<'_>) -> Result<(), TransportError> {
         message.length_within(FRAME_LIMIT)?;
-        let mut board = self.hub.lock();
-        board.to_worker.get_mut(&worker).ok_or(TransportError::Gone(worker))?.push_back(message.to_vec(0));
+        let mut queues = self.hub.lock();
+        queues.to_worker.get_mut(&worker).ok_or(TransportError::Gone(worker))?.push_back(message.to_vec(0));
         self.hub.changed.notify_all();
         Ok(())
     }
@@ -111,8 +111,8 @@ impl InProcessMacroPort {
 impl MacroPort for InProcessMacroPort {
     fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(MacroEvent<'_>)) -> Result<usize, TransportError> {
         let (arrived, woken) = {
-            let mut board = self.hub.wait_for(wait, |board| board.woken || !board.to_macro.is_empty());
-            (std::mem::take(&mut board.to_macro), std::mem::take(&mut board.woken))
+            let mut queues = self.hub.wait_for(wait, |queues| queues.woken || !queues.to_macro.is_empty());
+            (std::mem::take(&mut queues.to_macro), std::mem::take(&mut queues.woken))
         };
         let count = arrived.len() + usize::from(woken);
         for message in arrived {
@@ -188,11 +188,11 @@ impl InProcessWorkerPort {
     }
 
     fn push(&self, bytes: Vec<u8>) -> Result<(), TransportError> {
-        let mut board = self.hub.lock();
-        if board.macro_gone || !board.to_worker.contains_key(&self.worker) {
+        let mut queues = self.hub.lock();
+        if queues.macro_gone || !queues.to_worker.contains_key(&self.worker) {
             return Err(TransportError::Gone(self.worker));
         }
-        board.to_macro.push_back(ToMacro::Frame(self.worker, bytes));
+        queues.to_macro.push_back(ToMacro::Frame(self.worker, bytes));
         self.hub.changed.notify_all();
         Ok(())
     }
@@ -201,14 +201,14 @@ impl InProcessWorkerPort {
 impl WorkerPort for InProcessWorkerPort {
     fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
         let worker = self.worker;
-        let closed = |board: &Switchboard| board.macro_gone || !board.to_worker.contains_key(&worker);
+        let closed = |queues: &Queues| queues.macro_gone || !queues.to_worker.contains_key(&worker);
         let reported = self.loss_reported;
         let (arrived, lost) = {
-            let mut board = self.hub.wait_for(wait, |board| {
-                (closed(board) && !reported) || board.to_worker.get(&worker).is_some_and(|mail| !mail.is_empty())
+            let mut queues = self.hub.wait_for(wait, |queues| {
+                (closed(queues) && !reported) || queues.to_worker.get(&worker).is_some_and(|mail| !mail.is_empty())
             });
-            let arrived = board.to_worker.get_mut(&worker).map(std::mem::take).unwrap_or_default();
-            (arrived, closed(&board) && !reported)
+            let arrived = queues.to_worker.get_mut(&worker).map(std::mem::take).unwrap_or_default();
+            (arrived, closed(&queues) && !reported)
         };
         let count = arrived.len() + usize::from(lost);
         for bytes in arrived {

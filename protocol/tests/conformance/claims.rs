@@ -16,9 +16,9 @@ pub const PATIENCE: Duration = Duration::from_secs(10);
 pub trait Channel {
     type Macro: MacroPort;
     type Worker: WorkerPort;
-    type Door: Clone + Send + 'static;
-    fn open() -> (Self::Macro, Self::Door);
-    fn join(door: &Self::Door) -> Self::Worker;
+    type Connector: Clone + Send + 'static;
+    fn open() -> (Self::Macro, Self::Connector);
+    fn join(connector: &Self::Connector) -> Self::Worker;
     fn send_raw(worker: &mut Self::Worker, bytes: &[u8]);
 }
 
@@ -108,10 +108,10 @@ pub fn bye(port: &mut dyn MacroPort, worker: WorkerId) {
 
 /// A worker in its own thread that greets and answers each job with its own snapshot backwards, until dismissed.
 /// Returns how many jobs it answered and whether it left because the macro was lost.
-pub fn echo<C: Channel>(door: &C::Door) -> JoinHandle<(usize, bool)> {
-    let door = door.clone();
+pub fn echo<C: Channel>(connector: &C::Connector) -> JoinHandle<(usize, bool)> {
+    let connector = connector.clone();
     std::thread::spawn(move || {
-        let mut port = C::join(&door);
+        let mut port = C::join(&connector);
         port.send_control(&hello()).unwrap();
         let (mut answered, mut dismissed, mut lost) = (0, false, false);
         while !dismissed && !lost {
@@ -144,8 +144,8 @@ pub fn echo<C: Channel>(door: &C::Door) -> JoinHandle<(usize, bool)> {
 }
 
 pub fn jobs_and_replies_keep_their_content_and_order<C: Channel>() {
-    let (mut port, door) = C::open();
-    let worker = echo::<C>(&door);
+    let (mut port, connector) = C::open();
+    let worker = echo::<C>(&connector);
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| !heard.controls.is_empty());
     assert_eq!(heard.controls[0].1, hello());
@@ -173,8 +173,8 @@ pub fn jobs_and_replies_keep_their_content_and_order<C: Channel>() {
 }
 
 pub fn snapshots_of_two_megabytes_travel_both_ways<C: Channel>() {
-    let (mut port, door) = C::open();
-    let worker = echo::<C>(&door);
+    let (mut port, connector) = C::open();
+    let worker = echo::<C>(&connector);
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| !heard.controls.is_empty());
     let state: Vec<u8> = (0..2_000_000u32).map(|at| ((at * 31) >> 3) as u8).collect();
@@ -189,8 +189,8 @@ pub fn snapshots_of_two_megabytes_travel_both_ways<C: Channel>() {
 }
 
 pub fn each_worker_hears_only_its_own_jobs<C: Channel>() {
-    let (mut port, door) = C::open();
-    let workers = [echo::<C>(&door), echo::<C>(&door)];
+    let (mut port, connector) = C::open();
+    let workers = [echo::<C>(&connector), echo::<C>(&connector)];
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| heard.controls.len() == 2);
     for number in 0..40 {
@@ -214,9 +214,9 @@ pub fn each_worker_hears_only_its_own_jobs<C: Channel>() {
 }
 
 pub fn a_closed_worker_is_lost_after_its_last_words<C: Channel>() {
-    let (mut port, door) = C::open();
+    let (mut port, connector) = C::open();
     let worker = std::thread::spawn(move || {
-        let mut port = C::join(&door);
+        let mut port = C::join(&connector);
         port.send_control(&hello()).unwrap();
         for number in 0..3 {
             let reply = TrialReply::bare(&job(number), ReplyStatus::Done);
@@ -236,8 +236,8 @@ pub fn a_closed_worker_is_lost_after_its_last_words<C: Channel>() {
 }
 
 pub fn a_killed_worker_is_lost_and_can_be_sent_nothing<C: Channel>() {
-    let (mut port, door) = C::open();
-    let mut worker = C::join(&door);
+    let (mut port, connector) = C::open();
+    let mut worker = C::join(&connector);
     worker.send_control(&hello()).unwrap();
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| !heard.controls.is_empty());
@@ -249,8 +249,8 @@ pub fn a_killed_worker_is_lost_and_can_be_sent_nothing<C: Channel>() {
 }
 
 pub fn a_closed_macro_is_noticed<C: Channel>() {
-    let (mut port, door) = C::open();
-    let worker = echo::<C>(&door);
+    let (mut port, connector) = C::open();
+    let worker = echo::<C>(&connector);
     Heard::default().until(&mut port, |heard| !heard.controls.is_empty());
     let begin = Instant::now();
     drop(port);
@@ -284,8 +284,8 @@ pub fn an_idle_wait_ends_in_time<C: Channel>() {
 }
 
 pub fn garbage_is_refused_and_counted<C: Channel>() {
-    let (mut port, door) = C::open();
-    let mut worker = C::join(&door);
+    let (mut port, connector) = C::open();
+    let mut worker = C::join(&connector);
     worker.send_control(&hello()).unwrap();
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| !heard.controls.is_empty());
@@ -299,9 +299,9 @@ pub fn garbage_is_refused_and_counted<C: Channel>() {
 }
 
 pub fn a_worker_may_say_more_than_it_is_asked<C: Channel>() {
-    let (mut port, door) = C::open();
+    let (mut port, connector) = C::open();
     let worker = std::thread::spawn(move || {
-        let mut port = C::join(&door);
+        let mut port = C::join(&connector);
         port.send_control(&hello()).unwrap();
         for number in 0..200 {
             let reply = TrialReply::bare(&job(number), ReplyStatus::Done);
@@ -317,8 +317,8 @@ pub fn a_worker_may_say_more_than_it_is_asked<C: Channel>() {
 }
 
 pub fn more_messages_than_fit_wait_in_order<C: Channel>() {
-    let (mut port, door) = C::open();
-    let worker = echo::<C>(&door);
+    let (mut port, connector) = C::open();
+    let worker = echo::<C>(&connector);
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| !heard.controls.is_empty());
     for number in 0..200 {
@@ -356,8 +356,8 @@ pub fn runs_do_not_see_each_other<C: Channel>() {
 }
 
 pub fn too_large_messages_are_refused_with_both_sizes<C: Channel>() {
-    let (mut port, door) = C::open();
-    let mut worker = C::join(&door);
+    let (mut port, connector) = C::open();
+    let mut worker = C::join(&connector);
     worker.send_control(&hello()).unwrap();
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| !heard.controls.is_empty());
@@ -371,8 +371,8 @@ pub fn too_large_messages_are_refused_with_both_sizes<C: Channel>() {
 
 /// Nobody knows how large the states of an engine are before its first reply.
 pub fn replies_that_do_not_fit_one_message_come_in_several<C: Channel>() {
-    let (mut port, door) = C::open();
-    let mut worker = C::join(&door);
+    let (mut port, connector) = C::open();
+    let mut worker = C::join(&connector);
     worker.send_control(&hello()).unwrap();
     let mut heard = Heard::default();
     heard.until(&mut port, |heard| !heard.controls.is_empty());

@@ -5,7 +5,7 @@ mod claims;
 
 use claims::{Channel, Heard, PATIENCE, echo};
 use protocol::control::ToWorker;
-use protocol::transport::in_process::{InProcessDoor, InProcessMacroPort, InProcessWorkerPort, channel};
+use protocol::transport::in_process::{InProcessConnector, InProcessMacroPort, InProcessWorkerPort, channel};
 use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, SharedMemoryWorkerPort, Waiting};
 use protocol::transport::{MacroPort, WorkerId};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -15,12 +15,12 @@ struct Threads;
 impl Channel for Threads {
     type Macro = InProcessMacroPort;
     type Worker = InProcessWorkerPort;
-    type Door = InProcessDoor;
-    fn open() -> (Self::Macro, Self::Door) {
+    type Connector = InProcessConnector;
+    fn open() -> (Self::Macro, Self::Connector) {
         channel()
     }
-    fn join(door: &Self::Door) -> Self::Worker {
-        door.join()
+    fn join(connector: &Self::Connector) -> Self::Worker {
+        connector.join()
     }
     fn send_raw(worker: &mut Self::Worker, bytes: &[u8]) {
         worker.send_raw(bytes).unwrap();
@@ -51,15 +51,15 @@ struct SharedMemory<H>(std::marker::PhantomData<H>);
 impl<H: How> Channel for SharedMemory<H> {
     type Macro = SharedMemoryMacroPort;
     type Worker = SharedMemoryWorkerPort;
-    type Door = String;
-    fn open() -> (Self::Macro, Self::Door) {
+    type Connector = String;
+    fn open() -> (Self::Macro, Self::Connector) {
         static OPENED: AtomicU32 = AtomicU32::new(0);
         let name = format!("c{}-{}", std::process::id(), OPENED.fetch_add(1, Ordering::Relaxed));
         let limits = ChannelLimits { message_bytes: 8 << 20, workers: 8, waiting: H::WAITING };
         (SharedMemoryMacroPort::create(&name, limits).unwrap(), name)
     }
-    fn join(door: &Self::Door) -> Self::Worker {
-        SharedMemoryWorkerPort::join(door, PATIENCE).unwrap()
+    fn join(connector: &Self::Connector) -> Self::Worker {
+        SharedMemoryWorkerPort::join(connector, PATIENCE).unwrap()
     }
     fn send_raw(worker: &mut Self::Worker, bytes: &[u8]) {
         worker.send_raw(bytes).unwrap();

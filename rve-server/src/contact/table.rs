@@ -91,8 +91,9 @@ pub struct ContactTable {
     pub cohesion: f64,
     /// Contact viscosity over stiffness, in pseudo-time steps: a motion of one step is answered by this many times the
     /// elastic force it causes; along a contact that slides, by none. It acts while grains move and on them alone:
-    /// none at equilibrium. Results differ from those without where the path matters, by some 0.2 % of the pressure with
-    /// friction 0.3 and 0.5 and 1 % with 0.05. Cells come to rest in about as many steps as without, from 2 on in twice as many.
+    /// none at equilibrium. Where the path matters, the stress differs from that without damping, by about 0.2 % of the pressure
+    /// with a friction of 0.3 or 0.5, by 1 % with 0.05. With a damping below 2 cells come to rest in about as many steps as
+    /// without, above in twice as many.
     #[serde(default)]
     #[schemars(extend("x-unit" = "steps"), range(min = 0.0))]
     pub damping: f64,

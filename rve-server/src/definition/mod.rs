@@ -23,6 +23,10 @@ use protocol::Definition;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+/// Most grains of a packing or a specimen: contacts name their grains by 32 bits, and a mistyped number should be refused before it takes all
+/// memory.
+pub const MOST_GRAINS: usize = 100_000_000;
+
 /// All that this engine needs to build an RVE.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
@@ -88,6 +92,14 @@ impl<S: Space> GrainDefinition<S> {
         self.contact.validate_for(S::DIMENSION)?;
         self.options.validate()?;
         let packing = self.packing.checked().map_err(|error| DefinitionError(error.to_string()))?;
+        let smallest = packing.grains.iter().map(S::radius).fold(f64::INFINITY, f64::min);
+        if self.contact.cohesion >= smallest {
+            return Err(DefinitionError(format!(
+                "contact.cohesion = {:e} m is the overlap up to which grains attract each other, and the smallest grain has a radius of \
+                 {smallest:e} m; give a small share of it",
+                self.contact.cohesion
+            )));
+        }
         Ok(Self { packing, ..self })
     }
 

@@ -3,6 +3,16 @@
 use crate::cell::ContactNetwork;
 use crate::space::{Components, Space, Tensor};
 
+/// Overlap over the smaller diameter from which answers are flagged and packings warned about: contact laws of springs between the centres
+/// of spheres, and of pairs that know of each other alone, do not hold there.
+pub const LARGE_OVERLAP_RATIO: f64 = 0.1;
+
+/// Overlap over the smaller diameter from which a packing is refused: the centre of one grain lies inside another one.
+pub(crate) const LARGEST_OVERLAP_RATIO: f64 = 0.5;
+
+/// A minor principal value of a fabric below this share of the major one is rounding.
+pub(crate) const NO_MINOR_VALUE: f64 = 1e-14;
+
 impl<S: Space> ContactNetwork<S> {
     /// Void area or volume over that of the grains. Overlaps count twice as grain, as is usual.
     pub fn void_ratio(&self) -> f64 {
@@ -41,11 +51,11 @@ impl<S: Space> ContactNetwork<S> {
     }
 }
 
-/// Anisotropy of a fabric tensor: major over minor principal value, minus 1; 0 for a zero tensor.
+/// Anisotropy of a fabric tensor: major over minor principal value, minus 1. It is 0 for a zero tensor, and where all contacts lie in
+/// one direction or one plane: the quotient does not exist there, and the number must stay finite on the wire.
 pub fn anisotropy<T: Tensor>(fabric: &T) -> f64 {
     let [minor, major] = extreme_principal_values(fabric);
-    // All contacts in one direction leave no minor value; the number must stay finite on the wire.
-    if minor <= 0.0 { 0.0 } else { major / minor - 1.0 }
+    if minor <= NO_MINOR_VALUE * major { 0.0 } else { major / minor - 1.0 }
 }
 
 /// Smallest and largest principal value of the symmetric part of a tensor.
@@ -79,7 +89,12 @@ mod tests {
         let values = nalgebra::Matrix3::from_fn(|i, j| fabric[i][j]).symmetric_eigenvalues();
         assert!((anisotropy(&fabric) - (values.max() / values.min() - 1.0)).abs() < 1e-13);
         assert!(anisotropy(&[[1.0 / 3.0, 0.0, 0.0], [0.0, 1.0 / 3.0, 0.0], [0.0, 0.0, 1.0 / 3.0]]).abs() < 1e-15);
+        // One direction, as given and turned, where roundings leave a minor value.
         assert_eq!(anisotropy(&[[1.0, 0.0, 0.0], [0.0; 3], [0.0; 3]]), 0.0);
+        for angle in [0.3_f64, 0.7, 1.1, 2.0] {
+            let (sine, cosine) = angle.sin_cos();
+            assert_eq!(anisotropy(&[[cosine * cosine, cosine * sine], [cosine * sine, sine * sine]]), 0.0);
+        }
         assert_eq!(anisotropy(&[[0.0; 3]; 3]), 0.0);
         assert!((anisotropy(&[[0.6, 0.0], [0.0, 0.4]]) - 0.5).abs() < 1e-15);
     }

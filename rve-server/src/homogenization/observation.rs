@@ -1,13 +1,10 @@
 //! Observables of a cell next to stress and tangent.
 
-use super::fabric::anisotropy;
+use super::fabric::{LARGE_OVERLAP_RATIO, anisotropy};
 use super::stress::first_piola;
 use crate::cell::{ContactNetwork, GrainState};
 use crate::space::{Space, Tensor};
 use protocol::{Observables, Observed, Scalars, Tensor2, TrialFlags};
-
-/// Overlap over diameter from which an answer is flagged: units or stiffness are probably wrong.
-const LARGE_OVERLAP: f64 = 0.1;
 
 /// The scalars that every answer carries.
 pub(crate) fn scalars<S: Space>(network: &ContactNetwork<S>, state: &GrainState<S>) -> Scalars {
@@ -62,7 +59,7 @@ pub(crate) fn note_condition<S: Space>(state: &GrainState<S>, max_overlap_ratio:
     if !state.bears_load {
         flags.insert(TrialFlags::NO_LOAD_BEARING_CONTACTS);
     }
-    if max_overlap_ratio > LARGE_OVERLAP {
+    if max_overlap_ratio > LARGE_OVERLAP_RATIO {
         flags.insert(TrialFlags::LARGE_OVERLAP);
     }
 }

@@ -128,7 +128,7 @@ fn along_axis<S: SolverFor>(
     })
 }
 
-/// The packing brought from one stress to the other in so many strides.
+/// The packing brought from one stress to the other in `strides` equal changes of the target.
 fn along<S: SolverFor>(
     packing: &PackingFile<S>,
     contact: &ContactTable,

@@ -8,7 +8,7 @@ use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, ListedContact, PackingError, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::solver::SolverFor;
-use crate::space::{Components, Tensor, apply};
+use crate::space::{Components, Tensor, apply, cross, largest_component};
 use crate::tangent::Closeness;
 use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 
@@ -19,7 +19,7 @@ const FIRST_COMPRESSION: f64 = 5e-3;
 const LEAST_COMPRESSION: f64 = 1e-8;
 
 /// After an increment that was taken the next one is at least this: halving must not bring the compression to a stop.
-const CREEPING_COMPRESSION: f64 = 1e-6;
+const LEAST_NEXT_COMPRESSION: f64 = 1e-6;
 
 /// Share of the target pressure at which the compression hands over to the servo.
 const HANDOVER: [f64; 2] = [0.02, 0.2];
@@ -44,7 +44,7 @@ const CAREFUL_STEPS: u32 = 10;
 const MOST_HALVINGS: u32 = 8;
 
 /// Share of the target pressure below which a cell is simply compressed further, by this strain: spheres at once, discs after
-/// so many steps in a row and by up to so many times twice as much.
+/// `SLACK_STEPS` of them in a row, and then by twice as much each time, `SLACK_DOUBLINGS` times.
 const SLACK_PRESSURE: f64 = 0.005;
 const SLACK_STRAIN: f64 = 1e-4;
 const SLACK_STEPS: i32 = 40;
@@ -109,7 +109,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         Ok(Self { cell, target, tolerances, limits, log })
     }
 
-    /// Gives the cell another target, for so many servo steps and so much strain from here on: grains that flow at a lower stress than
+    /// Gives the cell another target, for `most_increments` servo steps and `most_strain` from here on: grains that flow at a lower stress than
     /// the target would otherwise be sheared on for as long as there are steps.
     pub(crate) fn aim_at(
         &mut self,
@@ -159,7 +159,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
                 self.limits = ServoLimits::increments_and_strain(self.limits.increments, rows, MOST_STRAIN_OF_SERVO);
                 return Ok(());
             }
-            compression = compression.max(CREEPING_COMPRESSION);
+            compression = compression.max(LEAST_NEXT_COMPRESSION);
         }
         Err(PackingError::Content(format!("compression did not reach a pressure in {MOST_INCREMENTS} increments")))
     }
@@ -279,7 +279,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let aimed = aim(&self.target, &deviator, &before.stress);
         let missing = |stress: &Tensor2| {
             let stress = rows(stress);
-            largest(&std::array::from_fn(|i| std::array::from_fn(|j| stress[i][j] - aimed[i][j])))
+            largest_component::<Matrix>(&std::array::from_fn(|i| std::array::from_fn(|j| stress[i][j] - aimed[i][j])))
         };
         let mut most = LARGEST_STRAIN;
         for _ in 0..MOST_HALVINGS {
@@ -290,7 +290,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             }
             self.cell.rollback();
             response.learn(&strain, &difference(&answer.stress, &before.stress));
-            most = 0.5 * largest(&strain);
+            most = 0.5 * largest_component(&strain);
         }
         let strain = response.strain(&aimed, &before.stress, most);
         self.trial(&strain, self.tangent())
@@ -436,20 +436,11 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
     }
 }
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 /// A strain cut to a largest component.
 fn limited(strain: &Matrix, most: f64) -> Matrix {
-    let largest = largest(strain);
+    let largest = largest_component(strain);
     let share = if largest > most { most / largest } else { 1.0 };
     strain.map(|row| row.map(|value| share * value))
-}
-
-/// Size of the largest component.
-fn largest(matrix: &Matrix) -> f64 {
-    matrix.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()))
 }
 
 /// A tensor by its rows.

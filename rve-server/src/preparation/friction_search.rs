@@ -59,7 +59,7 @@ pub(crate) fn search<T>(
         }
         let replaced = usize::from((miss > 0.0) == (ends[1].1 > 0.0));
         ends[replaced] = (friction, miss);
-        // Illinois: an end that stays counts half, or the other would creep towards the root.
+        // Illinois: an end that stays counts half, or the other would converge ever more slowly.
         if kept == Some(1 - replaced) {
             ends[1 - replaced].1 *= 0.5;
         }

@@ -50,7 +50,7 @@ pub fn generate<S: SolverFor>(
     }
     let target = recipe.stress_target()?;
     let log = ProgressLog::new(progress);
-    let workshop = Workshop { recipe, target, log: &log };
+    let workshop = PackingGenerator { recipe, target, log: &log };
     let (mut packing, contact, searches) = workshop.prepare::<S>()?;
     if let Some(removal) = &recipe.removal {
         packing = workshop.weakened(&packing, &contact, removal)?;
@@ -74,13 +74,13 @@ fn provenance(recipe: &PackingRecipe, searches: &Searches) -> serde_json::Value 
 }
 
 /// Inputs that all stages of one preparation share.
-struct Workshop<'a> {
+struct PackingGenerator<'a> {
     recipe: &'a PackingRecipe,
     target: StressTarget,
     log: &'a ProgressLog<'a>,
 }
 
-impl<'a> Workshop<'a> {
+impl<'a> PackingGenerator<'a> {
     /// A packing at its target stress with the density and anisotropy requested, and the law it is at rest under.
     fn prepare<S: SolverFor>(&self) -> Result<(PackingFile<S>, ContactTable, Searches), PackingError> {
         let mut contact = self.recipe.contact.clone();

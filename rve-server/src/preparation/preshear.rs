@@ -5,7 +5,9 @@ use super::compaction::Compaction;
 use super::recipe::AnisotropyTarget;
 use super::stress_target::Matrix;
 use crate::definition::PackingError;
+use crate::homogenization::fabric::NO_MINOR_VALUE;
 use crate::solver::SolverFor;
+use crate::space::largest_component;
 use serde::{Deserialize, Serialize};
 
 /// Change of fabric per shear strain that is assumed before the first try. Shortening an axis turns contacts towards it.
@@ -53,11 +55,11 @@ pub(crate) fn presheared<'a, S: SolverFor>(
         compaction.servo()?;
         let fabric = compaction.fabric_deviator()?;
         let anisotropy = anisotropy_of(&fabric, dimension);
-        attempts.push(ShearAttempt { shear: largest(&shear), anisotropy });
+        attempts.push(ShearAttempt { shear: largest_component(&shear), anisotropy });
         let missing = combined(&wanted, -1.0, &fabric);
-        farthest = largest(&missing);
+        farthest = largest_component(&missing);
         // The direction counts as well as the value: both principal values must be where they are wanted.
-        if (anisotropy - target.value).abs() <= target.tolerance && largest(&missing) <= target.tolerance {
+        if (anisotropy - target.value).abs() <= target.tolerance && largest_component(&missing) <= target.tolerance {
             return Ok((compaction, attempts));
         }
         if let Some((last_shear, last_fabric)) = &last {
@@ -69,7 +71,7 @@ pub(crate) fn presheared<'a, S: SolverFor>(
         }
         last = Some((shear, fabric));
         shear = combined(&shear, 1.0 / response, &missing);
-        let excess = largest(&shear) / LARGEST_SHEAR;
+        let excess = largest_component(&shear) / LARGEST_SHEAR;
         if excess > 1.0 {
             shear = shear.map(|row| row.map(|value| value / excess));
         }
@@ -97,7 +99,8 @@ fn axial_fabric(target: &AnisotropyTarget, dimension: usize) -> Matrix {
     fabric
 }
 
-/// Major over minor principal value minus 1 of the fabric with this deviator and unit trace.
+/// Major over minor principal value minus 1 of the fabric with this deviator and unit trace. Two equal minor values, which axial
+/// fabrics have, are a double root of the characteristic cubic: the search needs them more accurately than it gives them.
 pub(crate) fn anisotropy_of(deviator: &Matrix, dimension: usize) -> f64 {
     let mean = 1.0 / dimension as f64;
     let whole = nalgebra::DMatrix::from_fn(dimension, dimension, |i, j| {
@@ -105,7 +108,7 @@ pub(crate) fn anisotropy_of(deviator: &Matrix, dimension: usize) -> f64 {
     });
     let values = whole.symmetric_eigenvalues();
     let (major, minor) = (values.max(), values.min());
-    if minor <= 0.0 { 0.0 } else { major / minor - 1.0 }
+    if minor <= NO_MINOR_VALUE * major { 0.0 } else { major / minor - 1.0 }
 }
 
 fn combined(a: &Matrix, scale: f64, b: &Matrix) -> Matrix {
@@ -114,10 +117,6 @@ fn combined(a: &Matrix, scale: f64, b: &Matrix) -> Matrix {
 
 fn contraction(a: &Matrix, b: &Matrix) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(x, y)| x * y).sum()
-}
-
-fn largest(a: &Matrix) -> f64 {
-    a.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()))
 }
 
 #[cfg(test)]

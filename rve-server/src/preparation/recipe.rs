@@ -3,7 +3,7 @@
 use super::grading::Grading;
 use super::stress_target::StressTarget;
 use crate::contact::ContactTable;
-use crate::definition::PackingError;
+use crate::definition::{MOST_GRAINS, PackingError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,8 +14,10 @@ use serde::{Deserialize, Serialize};
 pub struct PackingRecipe {
     /// 2 for discs, 3 for spheres.
     #[serde(default = "plane_dimension", skip_serializing_if = "is_plane")]
+    #[schemars(range(min = 2, max = 3), extend("x-default" = "2"))]
     pub dimension: u32,
     /// Number of grains, before any are removed.
+    #[schemars(range(min = 10, max = MOST_GRAINS))]
     pub number: usize,
     /// Seed of the random generator.
     pub seed: u64,
@@ -121,6 +123,7 @@ pub struct AnisotropyTarget {
     pub tolerance: f64,
     /// Axis along which most contacts point: 1, 2 or 3.
     #[serde(default = "second_axis")]
+    #[schemars(range(min = 1, max = 3))]
     pub axis: u32,
     /// Friction while the packing is sheared and unloaded; without any, a packing hardly remembers a shear.
     #[schemars(extend("x-unit" = "-"))]
@@ -132,7 +135,8 @@ pub struct AnisotropyTarget {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Removal {
-    /// Number of grains taken out at random.
+    /// Number of grains taken out at random, at most a quarter of all.
+    #[schemars(range(min = 1))]
     pub number: usize,
     /// Seed of their choice.
     pub seed: u64,
@@ -187,6 +191,9 @@ impl PackingRecipe {
         }
         if self.number < 10 {
             return refuse(format!("number = {}: a random packing needs at least 10 grains", self.number));
+        }
+        if self.number > MOST_GRAINS {
+            return refuse(format!("number = {}: a packing has at most {MOST_GRAINS} grains", self.number));
         }
         let positive = [
             ("thickness", self.thickness),

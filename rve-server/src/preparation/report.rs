@@ -8,12 +8,10 @@ use super::stress_target::{Matrix, StressTarget, symmetric_pairs};
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, PackingError, PackingFile, RveOptions};
 use crate::engine::GrainRve;
+use crate::homogenization::fabric::LARGE_OVERLAP_RATIO;
 use crate::solver::SolverFor;
 use protocol::Observables;
 use serde::Serialize;
-
-/// Overlap over diameter above which grains are no longer grains: units or stiffness are wrong.
-const LARGEST_OVERLAP: f64 = 0.1;
 
 /// Turning a packing into the axes of its file and wrapping its grains moves them by rounding; the forces follow.
 const ROUNDING: f64 = 1e-7;
@@ -162,7 +160,7 @@ fn requirements(
         ask(format!("stress_{}{}, Pa", i + 1, j + 1), target.component(i, j), got, tolerance);
     }
     ask("unbalanced_force_ratio".into(), 0.0, report.unbalanced_force_ratio, recipe.tolerance + ROUNDING);
-    ask("max_overlap_ratio".into(), 0.0, report.max_overlap_ratio, LARGEST_OVERLAP);
+    ask("max_overlap_ratio".into(), 0.0, report.max_overlap_ratio, LARGE_OVERLAP_RATIO);
     // A density or an anisotropy is that of the packing before grains are taken out, a density that before the shear of the anisotropy.
     if recipe.removal.is_none() {
         if let Some(state) = &recipe.target {

@@ -44,7 +44,7 @@ pub(crate) struct ServoLimits<S: Space> {
 }
 
 impl<S: Space> ServoLimits<S> {
-    /// So many steps, and so much strain of a cell that has these vectors. The strain is below a half: a larger deformation of a lattice cannot
+    /// `increments` steps, and a strain of `most` of a cell that has these vectors. The strain is below a half: a larger deformation of a lattice cannot
     /// be told from another choice of its vectors.
     pub(crate) fn increments_and_strain(increments: u32, rows: S::Tensor, most: f64) -> Self {
         Self { increments, start: rows, most_strain: most }
@@ -64,7 +64,7 @@ impl<S: Space> ServoLimits<S> {
 const LONGEST_CIRCLE: u32 = 100;
 
 /// Notices that a servo goes round in circles: a contact that opens under the steps of one operator and closes under those
-/// of the other leads from one state to the other and back for ever, or creeps.
+/// of the other leads from one state to the other and back for ever, or converges ever more slowly.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StagnationMonitor {
     milestone: f64,

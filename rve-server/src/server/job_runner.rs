@@ -138,8 +138,10 @@ impl<'a> JobRunner<'a> {
                 replies[one.place] = Some(answer);
             }
         }
+        let missing = RveError::EngineFault("the engine has returned fewer results than it was given jobs".into());
+        let answers = replies.into_iter().zip(slice);
         let mut replies: Vec<OwnedReply> =
-            replies.into_iter().map(|answer| answer.expect("every job has been answered")).collect();
+            answers.map(|(answer, (job, _))| answer.unwrap_or_else(|| OwnedReply::failed(job, &missing))).collect();
         let total = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let worked = replies.iter().map(|answer| &answer.reply.cost);
         let worked = worked.fold(0u64, |sum, cost| {

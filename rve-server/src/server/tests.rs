@@ -105,9 +105,9 @@ struct Stage {
 
 impl Stage {
     fn open(state_cache: u32) -> Self {
-        let (port, door) = channel();
+        let (port, connector) = channel();
         let options = ServeOptions { run: "test".into(), state_cache, grace: Duration::from_secs(10) };
-        let worker = std::thread::spawn(move || serve(&mut ToyEngine, &mut door.join(), &options));
+        let worker = std::thread::spawn(move || serve(&mut ToyEngine, &mut connector.join(), &options));
         let mut stage = Self { port, worker, controls: Vec::new(), replies: Vec::new() };
         stage.listen(|stage| !stage.controls.is_empty());
         stage
@@ -339,9 +339,9 @@ fn a_worker_that_is_refused_after_a_welcome_leaves_with_the_reason() {
 
 #[test]
 fn a_silent_macro_is_given_up_and_a_lost_one_is_noticed() {
-    let (port, door) = channel();
+    let (port, connector) = channel();
     let options = ServeOptions { grace: Duration::from_millis(30), ..ServeOptions::new("test") };
-    let error = serve(&mut ToyEngine, &mut door.join(), &options).unwrap_err();
+    let error = serve(&mut ToyEngine, &mut connector.join(), &options).unwrap_err();
     assert!(matches!(error, ServeError::NoWelcome(_)), "{error}");
     drop(port);
 

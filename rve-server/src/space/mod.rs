@@ -17,6 +17,7 @@ pub use discs::Discs;
 pub use kernel_space::{KernelSpace, Shortened};
 pub use slip::{Slip, slip_of_spheres};
 pub use spheres::Spheres;
+pub(crate) use tensor::cross;
 pub use tensor::{
     Tensor, add_scaled, apply, determinant, inverse, largest_component, norm, product, rotated, scaled, transpose,
 };

@@ -36,6 +36,8 @@ fn recipes_with_defects_are_refused_by_key() {
         generate::<Discs>(&recipe, &mut |_| ()).unwrap_err().to_string()
     };
     assert!(refused(&|r| r.number = 3).contains("number = 3"));
+    assert!(refused(&|r| r.number = 1_000_000_000_000).contains("at most 100000000 grains"));
+    assert!(refused(&|r| r.number = 1_000_000_000_000).contains("at most 100000000 grains"));
     assert!(refused(&|r| r.pressure = Some(-1.0)).contains("pressure = -1"));
     assert!(refused(&|r| r.grading = Grading::List { radii: vec![] }).contains("grading.radii"));
     assert!(refused(&|r| r.contact.friction = f64::NAN).contains("contact.friction"));

@@ -198,14 +198,18 @@ impl Document {
         self.root.at(path.iter().copied()).is_some()
     }
 
-    /// An error whose message begins with `table.key` or `path segment N`, as those of the grain side do: that gives
-    /// the place.
+    /// An error whose message begins with `table.key`, or with `path segment N:`, `stage N:` or `region N:`, as those of the grain side
+    /// do: that gives the place.
     pub fn table_error(&self, problem: impl ToString) -> InputError {
         let problem = problem.to_string();
-        if let Some(rest) = problem.strip_prefix("path segment ") {
-            let number: usize = rest.split(':').next().and_then(|text| text.parse().ok()).unwrap_or(1);
-            let entry = number.saturating_sub(1).to_string();
-            return self.error_at_key(&["path", &entry], &problem).hint("`grainspan explain path` lists its keys");
+        let of_list = [("path segment ", "path"), ("stage ", "stage"), ("region ", "region")].into_iter().find_map(
+            |(words, list)| {
+                let number: usize = problem.strip_prefix(words)?.split(':').next()?.parse().ok()?;
+                Some((list, number.saturating_sub(1).to_string()))
+            },
+        );
+        if let Some((list, entry)) = of_list {
+            return self.error_at_key(&[list, &entry], &problem).hint(explain_command(&[list.to_owned()]));
         }
         let is_key = |letter: &char| letter.is_ascii_alphanumeric() || "._".contains(*letter);
         let key: String = problem.chars().take_while(is_key).collect();

@@ -88,7 +88,11 @@ pub(super) fn probes(context: &ProbeContext<'_>) -> Result<Vec<Probe>, InputErro
             let hint = "tools that read the history line by line would fail; choose another name";
             return Err(document.error_at(table.get_ref().name.span(), problem).hint(hint));
         }
-        if name.is_empty() || TAKEN.contains(&name.as_str()) || probes.iter().any(|probe| probe.name == *name) {
+        if name.is_empty() {
+            let problem = "a probe cannot be named '': its column in the history would have no name";
+            return Err(document.error_at(table.get_ref().name.span(), problem).hint("choose a name"));
+        }
+        if TAKEN.contains(&name.as_str()) || probes.iter().any(|probe| probe.name == *name) {
             let problem = format!("a probe cannot be named '{name}': the history already has that column");
             return Err(document.error_at(table.get_ref().name.span(), problem).hint("choose another name"));
         }
@@ -98,6 +102,7 @@ pub(super) fn probes(context: &ProbeContext<'_>) -> Result<Vec<Probe>, InputErro
 }
 
 fn quantity(context: &ProbeContext<'_>, table: &Located<ProbeTable>) -> Result<Quantity, InputError> {
+    let document = context.document;
     let keys = Keys { context, table };
     let probe = table.get_ref();
     let of_band = |property| band(&keys, property);
@@ -107,7 +112,13 @@ fn quantity(context: &ProbeContext<'_>, table: &Located<ProbeTable>) -> Result<Q
     };
     let between = || -> Result<(String, String, Axis, Option<usize>), InputError> {
         keys.refuse_others(&["from", "to", "component", "reference"])?;
-        Ok((keys.set("from", &probe.from)?, keys.set("to", &probe.to)?, keys.axis()?, keys.reference()?))
+        let (from, to) = (keys.set("from", &probe.from)?, keys.set("to", &probe.to)?);
+        if from == to {
+            let problem =
+                format!("the probe '{}' measures the distance of '{from}' from itself", probe.name.get_ref());
+            return Err(document.error_at(probe.name.span(), problem).hint("name two sets in `from` and `to`"));
+        }
+        Ok((from, to, keys.axis()?, keys.reference()?))
     };
     let of_body = |quantity| keys.refuse_others(&[]).map(|()| quantity);
     Ok(match probe.kind {
@@ -242,6 +253,7 @@ mod tests {
             ("kind = 'band_width', field = 'mean_stress'", "component"),
             ("kind = 'band_width', field = 'reaction'", "not measured at Gauss points"),
             ("kind = 'reaction', set = 'top', component = 'y', part = { point = 1 }", "no meaning"),
+            ("kind = 'compression', from = 'top', to = 'top', component = 'y'", "distance of 'top' from itself"),
         ] {
             let error = probe(table, &[]).unwrap_err();
             assert!(error.contains(reason) && error.contains("hint:"), "{table}: {error}");
@@ -264,6 +276,7 @@ mod tests {
             ("axis = 'z', bins = 4", "not an axis"),
             ("axis = 'y', bins = 4, from = 0.1, to = 0.1", "beyond"),
             ("axis = 'y', bins = 0", "bins"),
+            ("axis = 'y', bins = 4, from = 5.0, to = 6.0", "no Gauss point lies in the profile"),
             ("axis = 'y', bins = 4, component = 'xx'", "no meaning"),
         ] {
             let error = profile(table).unwrap_err();

@@ -6,6 +6,7 @@ use super::{ProbeContext, ProbeKind};
 use crate::input_error::InputError;
 use crate::tables::ProfileTable;
 use keys::Located;
+use macro_solver::mesh::point_places;
 use macro_solver::output::{FieldProbe, Profile, Statistic};
 
 /// Checks all profiles and translates them.
@@ -69,11 +70,20 @@ fn profile(context: &ProbeContext<'_>, table: &ProfileTable) -> Result<Profile, 
             )
             .hint("`to` lies beyond `from`"));
     }
+    let part = part(context, table.part.as_ref())?;
+    let places = point_places(context.sets.mesh);
+    let lies_in = |point: &usize| part.holds(*point) && (from..=to).contains(&places[*point][axis]);
+    if !(0..places.len()).any(|point| lies_in(&point)) {
+        let problem = format!("no Gauss point lies in the profile '{}' from {from} to {to}", table.name.get_ref());
+        return Err(document
+            .error_at(table.name.span(), problem)
+            .hint("a point belongs to the bin that holds its initial position; leave out `from` and `to` for the whole mesh"));
+    }
     let reference: Option<usize> = table.reference.as_ref().map(|name| context.stage(name)).transpose()?;
     let statistic = table.statistic.as_ref().map_or(Statistic::default(), |one| *one.get_ref());
     Ok(Profile {
         name: table.name.get_ref().clone(),
-        probe: FieldProbe { measure, part: part(context, table.part.as_ref())?, statistic, reference },
+        probe: FieldProbe { measure, part, statistic, reference },
         axis,
         from,
         to,

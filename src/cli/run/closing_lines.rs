@@ -10,6 +10,9 @@ use std::fmt::Write;
 /// Relative residual of the energy ledger above which the lines mention it.
 const LARGEST_RESIDUAL: f64 = 0.05;
 
+/// The same of dynamic stages, over the largest energy of the stage so far, which is small at first.
+const LARGEST_RESIDUAL_OF_MOTION: f64 = 0.1;
+
 /// Where the counters are explained.
 const EXPLAINED: &str = "see docs/reference/counters.md";
 
@@ -131,7 +134,15 @@ fn warnings(summary: &Summary) -> String {
              rve.tolerance close that)"
         )
     });
-    let all: Vec<String> = counted.into_iter().chain(open).collect();
+    let of_motion = summary.dynamics.get("energy_residual").copied().unwrap_or(0.0);
+    let off = (of_motion > LARGEST_RESIDUAL_OF_MOTION).then(|| {
+        let percent = 100.0 * of_motion;
+        format!(
+            "energy balance of the motion off by up to {percent:.0} % of the largest energy: the time step is too large for it, or the motion \
+             began from forces that were not in balance (a smaller dynamics.safety or time_step tells which)"
+        )
+    });
+    let all: Vec<String> = counted.into_iter().chain(open).chain(off).collect();
     if all.is_empty() { "none".to_owned() } else { all.join("; ") }
 }
 
@@ -142,8 +153,10 @@ fn saved(summary: &Summary) -> String {
 }
 
 fn headline(summary: &Summary, outcome: &Outcome) -> String {
+    let time_steps =
+        if summary.time_steps > 0 { format!(", {} time steps", summary.time_steps) } else { String::new() };
     let figures = format!(
-        "{} steps, {} iterations in {:.1} s with {} workers",
+        "{} steps, {} iterations{time_steps} in {:.1} s with {} workers",
         summary.steps, summary.newton_iterations, summary.time.wall_s, summary.workers
     );
     match outcome {

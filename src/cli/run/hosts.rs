@@ -1,4 +1,4 @@
-//! `--listen`: the door through which agents of other hosts join a run.
+//! `--listen`: the listener through which agents of other hosts join a run.
 
 #[cfg(feature = "hosts")]
 pub(super) use with::{Listening, check, listen, open};
@@ -10,7 +10,7 @@ mod with {
     use crate::cli::run::arguments::Arguments;
     use crate::exit::{Exit, Failure};
     use crate::stderr::tell;
-    use hosts::{DoorOptions, Figures, JoinFile, JoinedPort, Limits, NetworkMacroPort, Secret, this_program};
+    use hosts::{Figures, JoinFile, JoinedPort, Limits, ListenerOptions, NetworkMacroPort, Secret, this_program};
     use protocol::transport::shared_memory::SharedMemoryMacroPort;
     use std::collections::BTreeMap;
     use std::path::Path;
@@ -19,13 +19,13 @@ mod with {
     /// Name of the file, in the output folder, that tells agents how to join.
     const JOIN_FILE: &str = "join";
 
-    /// What remains of the door beside the port.
-    pub(in crate::cli::run) struct Door {
+    /// What remains of the listener besides the port.
+    pub(in crate::cli::run) struct AgentAccess {
         figures: Option<Figures>,
         _join_file: Option<JoinFile>,
     }
 
-    impl Door {
+    impl AgentAccess {
         /// Whether agents may join.
         pub(in crate::cli::run) fn is_listening(&self) -> bool {
             self.figures.is_some()
@@ -33,9 +33,9 @@ mod with {
 
         /// What happened between hosts, by name.
         pub(in crate::cli::run) fn figures(&self) -> BTreeMap<String, u64> {
-            let figures = self.figures.as_ref().map(Figures::now);
-            let value = figures.and_then(|figures| serde_json::to_value(figures).ok());
-            value.and_then(|value| serde_json::from_value(value).ok()).unwrap_or_default()
+            let Some(figures) = &self.figures else { return BTreeMap::new() };
+            let value = serde_json::to_value(figures.now());
+            value.and_then(serde_json::from_value).expect("all of them are whole numbers with a name")
         }
     }
 
@@ -66,8 +66,12 @@ mod with {
         };
         let secret = secret.map_err(|error| bad(&error))?;
         let limits = Limits { silence: Duration::from_secs_f64(arguments.silence), ..Limits::default() };
-        let options =
-            DoorOptions { run: run.to_owned(), secret: secret.clone(), limits, program: this_program().to_owned() };
+        let options = ListenerOptions {
+            run: run.to_owned(),
+            secret: secret.clone(),
+            limits,
+            program: this_program().to_owned(),
+        };
         let port = NetworkMacroPort::listen(endpoint, options).map_err(|error| bad(&error))?;
         Ok(Listening(Some((port, secret))))
     }
@@ -81,9 +85,9 @@ mod with {
         listening: Listening,
         arguments: &Arguments,
         folder: &Path,
-    ) -> Result<(JoinedPort<SharedMemoryMacroPort>, Door), Failure> {
+    ) -> Result<(JoinedPort<SharedMemoryMacroPort>, AgentAccess), Failure> {
         let Some((port, secret)) = listening.0 else {
-            return Ok((JoinedPort::new(local, None), Door { figures: None, _join_file: None }));
+            return Ok((JoinedPort::new(local, None), AgentAccess { figures: None, _join_file: None }));
         };
         let address = port.address();
         let path = folder.join(JOIN_FILE);
@@ -94,7 +98,7 @@ mod with {
         }
         tracing::info!(%address, "listening for agents");
         let figures = Some(port.figures());
-        Ok((JoinedPort::new(local, Some(port)), Door { figures, _join_file: Some(join_file) }))
+        Ok((JoinedPort::new(local, Some(port)), AgentAccess { figures, _join_file: Some(join_file) }))
     }
 }
 
@@ -107,9 +111,9 @@ mod without {
     use std::path::Path;
 
     /// There is none.
-    pub(in crate::cli::run) struct Door;
+    pub(in crate::cli::run) struct AgentAccess;
 
-    impl Door {
+    impl AgentAccess {
         /// Nobody can join from elsewhere.
         pub(in crate::cli::run) fn is_listening(&self) -> bool {
             false
@@ -141,8 +145,8 @@ mod without {
         _: Listening,
         _: &Arguments,
         _: &Path,
-    ) -> Result<(SharedMemoryMacroPort, Door), Failure> {
-        Ok((local, Door))
+    ) -> Result<(SharedMemoryMacroPort, AgentAccess), Failure> {
+        Ok((local, AgentAccess))
     }
 
     /// What this build cannot do.

@@ -10,7 +10,9 @@ use macro_solver::output::{RunStatus, Summary, write_atomically};
 use scene_reader::{InputCopy, Scene, changes};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::Path;
 
 const SECTION: &str = "run";
@@ -153,6 +155,7 @@ pub(super) fn start(folder: &Path, description: &RunDescription, files: &[&Input
             // The figures were taken before this checkpoint was written.
             earlier.figures.written += 1;
             earlier.figures.bytes = archive.size();
+            // A copy that cannot be read counts as none: the checkpoint holds the scene, and only what differs is put in order.
             let stored = fs::read_to_string(folder.join("scene.toml")).ok();
             // Keys that may change from one process of a run to the next do not count.
             let is_changed = stored.is_some_and(|stored| !changes(&stored, &earlier.scene).is_empty());
@@ -186,11 +189,12 @@ pub(super) fn start(folder: &Path, description: &RunDescription, files: &[&Input
             Ok(Start::From(Box::new(Continued { archive: *archive, description: earlier, remarks, other_build })))
         }
         StoredCheckpoint::Nothing => {
-            let Ok(before) = fs::read_to_string(folder.join("scene.toml")) else { return Ok(Start::Beginning) };
+            let Some(before) = left(folder, "scene.toml", |bytes| str::from_utf8(bytes).map(str::to_owned))? else {
+                return Ok(Start::Beginning);
+            };
             refuse_changes(folder, &before, description, true)?;
             refuse_other_files(folder, files)?;
-            let summary = fs::read(folder.join("summary.json")).ok();
-            let summary = summary.and_then(|bytes| serde_json::from_slice::<Summary>(&bytes).ok());
+            let summary = left(folder, "summary.json", |bytes| serde_json::from_slice::<Summary>(bytes))?;
             let Some(summary) = summary.filter(|summary| summary.status == RunStatus::Done) else {
                 return Ok(Start::Beginning);
             };
@@ -198,6 +202,33 @@ pub(super) fn start(folder: &Path, description: &RunDescription, files: &[&Input
             let found = contents.changes(&Contents::of_summary(&summary.versions, contents));
             if found.is_empty() { Ok(Start::Complete) } else { Err(refusal(folder, &found, false)) }
         }
+    }
+}
+
+/// What an earlier process left in a file of the folder; none if there is no such file.
+///
+/// # Errors
+/// It cannot be read. The folder may hold a complete run then, which a run from the beginning would remove.
+fn left<T, E: Display>(
+    folder: &Path,
+    name: &str,
+    read: impl Fn(&[u8]) -> Result<T, E>,
+) -> Result<Option<T>, Failure> {
+    let path = folder.join(name);
+    let refused = |reason: &dyn Display| {
+        Failure::new(
+            Exit::BadInput,
+            format!(
+                "{} cannot be read ({reason}), and the folder may hold a complete run: give another --out, or remove the file to \
+                 begin the run again",
+                path.display()
+            ),
+        )
+    };
+    match fs::read(&path) {
+        Ok(bytes) => read(&bytes).map(Some).map_err(|error| refused(&error)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(refused(&error)),
     }
 }
 

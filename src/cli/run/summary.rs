@@ -86,6 +86,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         status: status(&run.outcome),
         reason: inputs.reason,
         steps: statistics.steps,
+        time_steps: statistics.time_steps,
         gauss_points: inputs.gauss_points as u64,
         newton_iterations: statistics.iterations,
         rve_evaluations: statistics.evaluations,

@@ -15,7 +15,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::remove_drafts;
 use rve_server::definition::Packing;
 use rve_server::programs::specimen::{
-    Checkpoints, SpecimenCsv, SpecimenEvent, SpecimenStart, SpecimenSummary, SpecimenTest, run_specimen_from,
+    Checkpoints, SpecimenCsv, SpecimenError, SpecimenEvent, SpecimenStart, SpecimenSummary, SpecimenTest,
+    run_specimen_from,
 };
 use scene_reader::{Document, InputError, Kind};
 use std::ops::ControlFlow;
@@ -87,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let packing = Packing::read(&document.resolve(Path::new(&test.packing)))
         .map_err(|error| document.error_at_key(&["packing"], error))?;
     test.validate(packing.dimension() as usize).map_err(|error| document.table_error(error))?;
-    expect_place(arguments.out.as_deref())?;
+    expect_place(arguments.out.as_deref(), &[&arguments.test, &document.resolve(Path::new(&test.packing))])?;
     if let Some(threads) = arguments.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -130,7 +131,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Packing::Spheres(packing) => run_specimen_from(&test, packing, &checkpoints, &mut listener),
     };
     let checkpoint = output.checkpoint.take();
-    output.finish(arguments.out.as_deref())?;
+    // A test that could not begin has no table.
+    if !matches!(ended, Err(SpecimenError::Test(_))) {
+        output.finish(arguments.out.as_deref())?;
+    }
     match ended {
         Ok(summary) if summary.is_stopped => {
             let text = format!("{}: interrupted after step {}", arguments.test.display(), summary.steps);
@@ -150,6 +154,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             }
             Ok(if summary.unbalanced_stages > 0 { Exit::NotConverged } else { Exit::Done })
         }
+        Err(SpecimenError::Test(reason)) => Err(document.table_error(reason).into()),
         Err(reason) => Err(Failure::new(Exit::NotConverged, format!("{}: {reason}", arguments.test.display()))),
     }
 }

@@ -90,13 +90,13 @@ impl<'a> Collector<'a> {
             if measure.needs_compression() {
                 for (row, value) in values.iter_mut().enumerate() {
                     let (dilatancy, stress_ratio) = slope_at(&self.kept, row, half_width);
-                    *value = match measure {
-                        RowMeasure::Dilatancy => dilatancy,
-                        _ => {
-                            weights.push(dilatancy);
-                            stress_ratio / dilatancy
-                        }
-                    };
+                    if *measure == RowMeasure::Dilatancy {
+                        *value = dilatancy;
+                    } else {
+                        // Their quotient; where the volume changes as fast as the sample is compressed, it has none and no weight.
+                        weights.push(dilatancy);
+                        *value = if dilatancy == 0.0 { f64::NAN } else { stress_ratio / dilatancy };
+                    }
                 }
             }
         }

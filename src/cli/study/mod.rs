@@ -204,8 +204,18 @@ fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, ou
 
 /// Takes away what an earlier study of this name has left, as its own file lists it: this one may not write all of it again.
 fn remove_earlier(provenance: &Path) -> Result<(), Failure> {
-    let earlier = std::fs::read(provenance).ok().and_then(|text| serde_json::from_slice(&text).ok());
-    let earlier: serde_json::Value = earlier.unwrap_or_default();
+    let refused = |reason: &dyn std::fmt::Display| {
+        let text = format!(
+            "{} of an earlier study cannot be read ({reason}), so that its figures are not known: remove it, or give another --out",
+            provenance.display()
+        );
+        Failure::new(Exit::BadInput, text)
+    };
+    let earlier: serde_json::Value = match std::fs::read(provenance) {
+        Ok(text) => serde_json::from_slice(&text).map_err(|error| refused(&error))?,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(refused(&error)),
+    };
     for name in earlier["files"].as_array().into_iter().flatten().filter_map(serde_json::Value::as_str) {
         // A name alone: never a file of another folder.
         let Some(name) = Path::new(name).file_name() else { continue };

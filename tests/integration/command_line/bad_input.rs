@@ -313,6 +313,11 @@ fn values_out_of_range_are_named_by_their_key() {
         ("probe.1.set=top", "has no meaning for a probe of kind \"stress_ratio\""),
         ("solver.tangent=none", "solver.tangent = \"none\" is unknown"),
         ("name=../escape", "cannot name a folder"),
+        (
+            "name=a23456789012345678901234567890123456789012345678901234567890123456789012345678901234567890123456789012",
+            "too long",
+        ),
+        ("contact.cohesion=1e-2", "contact.cohesion"),
         ("boundary.0.displacement={x=1.0,y=0.0}", "a platen moves along its normal only"),
     ] {
         let place = format!("--set {setting}: ");
@@ -336,6 +341,15 @@ fn defects_of_an_element_path_are_named_by_segment() {
         &["path segment 1", "yy is in both strain and stress", "hint:"],
     );
     input.refused(&["element", "element.toml", "--tangent", "magic"], &["--tangent", "truss_like_slip"]);
+    // The line of the second segment, not that of the first one.
+    let text = fs::read_to_string(input.path("element.toml")).unwrap();
+    let second = text.lines().count() + 1;
+    fs::write(input.path("two.toml"), text + "[[path]]\nincrements = 2\nstrain = { yy = -2.0 }\n").unwrap();
+    let place = (second..second + 3).map(|line| format!("two.toml:{line}: path segment 2")).collect::<Vec<_>>();
+    let output = input.grainspan(&["element", "two.toml"]);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(place.iter().any(|place| stderr.contains(place)), "{stderr}");
 }
 
 #[test]
@@ -350,6 +364,24 @@ fn places_that_cannot_be_written_are_refused_before_anything_runs() {
     fs::write(input.path("mine/thesis.txt"), "precious").unwrap();
     input.refused(&["run", "scene.toml", "--out", "mine"], &["thesis.txt", "hint: name an empty or new folder"]);
     input.refused(&["run", "scene.toml", "--out", "/proc/grainspan"], &["could not write /proc/grainspan"]);
+    // A result never takes the place of what a command reads.
+    for (words, file) in [
+        (&["element", "element.toml"][..], "element.toml"),
+        (&["element", "element.toml"], "./discs-100.json"),
+        (&["element", "element.toml", "--sweep", "contact.friction=0.1,0.2"], "discs-100.json"),
+    ] {
+        let before = fs::read(input.path(file)).unwrap();
+        input.refused(&[words, &["--out", file]].concat(), &["would take the place of", "hint: name another place"]);
+        assert_eq!(fs::read(input.path(file)).unwrap(), before);
+    }
+}
+
+#[test]
+fn a_key_that_is_swept_twice_is_refused() {
+    let input = InputFolder::new();
+    let twice = ["--sweep", "contact.friction=0.1,0.2", "--sweep", "contact.friction=0.3,0.4"];
+    input
+        .refused(&[&["element", "element.toml"][..], &twice].concat(), &["contact.friction", "swept twice", "hint:"]);
 }
 
 #[test]

@@ -40,7 +40,7 @@ pub(crate) struct Conversation {
     port: Box<dyn MacroPort>,
     run: String,
     partner: Partner,
-    door: Option<in_process::InProcessDoor>,
+    connector: Option<in_process::InProcessConnector>,
     worker: Option<WorkerId>,
     child: Option<Child>,
     pub(crate) capabilities: Capabilities,
@@ -56,10 +56,10 @@ impl Conversation {
     pub(crate) fn begin(partner: Partner) -> Self {
         static BEGUN: AtomicU32 = AtomicU32::new(0);
         let run = format!("k{}-{}", std::process::id(), BEGUN.fetch_add(1, Ordering::Relaxed));
-        let (port, door): (Box<dyn MacroPort>, _) = match partner {
+        let (port, connector): (Box<dyn MacroPort>, _) = match partner {
             Partner::ThreadInProcess => {
-                let (port, door) = in_process::channel();
-                (Box::new(port), Some(door))
+                let (port, connector) = in_process::channel();
+                (Box::new(port), Some(connector))
             }
             // Replaced when the first worker is started.
             Partner::Pipe(_) => (Box::new(in_process::channel().0), None),
@@ -69,7 +69,7 @@ impl Conversation {
             port,
             run,
             partner,
-            door,
+            connector,
             worker: None,
             child: None,
             capabilities: Capabilities::default(),
@@ -87,7 +87,7 @@ impl Conversation {
         let run = self.run.clone();
         match &self.partner {
             Partner::ThreadInProcess => {
-                let mut port = self.door.as_ref().unwrap().join();
+                let mut port = self.connector.as_ref().unwrap().join();
                 std::thread::spawn(move || serve(&mut GrainEngine, &mut port, &ServeOptions::new(run)));
             }
             Partner::ThreadInSharedMemory => {

@@ -79,8 +79,9 @@ fn a_cell_returns_to_the_same_bits_ten_thousand_times() {
 
 #[test]
 fn a_pool_returns_to_the_same_states_ten_thousand_times() {
-    let (port, door) = channel();
-    let servant = std::thread::spawn(move || serve(&mut GrainEngine, &mut door.join(), &ServeOptions::new("cycles")));
+    let (port, connector) = channel();
+    let servant =
+        std::thread::spawn(move || serve(&mut GrainEngine, &mut connector.join(), &ServeOptions::new("cycles")));
     let settings = PoolSettings::new("cycles");
     let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, vec![definition()], &[0, 0]);
     let options = TrialOptions { ramp_steps: 1, ..TrialOptions::default() };

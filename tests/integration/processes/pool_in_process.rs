@@ -7,7 +7,7 @@ use claims::Claim;
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, PoolStatistics};
 use protocol::control::FromWorker;
-use protocol::transport::in_process::{InProcessDoor, InProcessMacroPort, channel};
+use protocol::transport::in_process::{InProcessConnector, InProcessMacroPort, channel};
 use protocol::transport::{LoadedReply, TransportError, WorkerEvent, WorkerPort};
 use protocol::{Definition, Observables, RveEngine, StateId, TangentKind, Tensor2, TrialOptions, TrialResult};
 use rve_server::definition::{GrainDefinition, PackingFile, RveOptions};
@@ -103,10 +103,10 @@ struct Hand {
 
 const STEADY: Hand = Hand { state_cache: 64, slices: usize::MAX };
 
-fn start(door: &InProcessDoor, hand: Hand) -> JoinHandle<()> {
-    let door = door.clone();
+fn start(connector: &InProcessConnector, hand: Hand) -> JoinHandle<()> {
+    let connector = connector.clone();
     std::thread::spawn(move || {
-        let mut port = Deserter { port: door.join(), slices: hand.slices };
+        let mut port = Deserter { port: connector.join(), slices: hand.slices };
         let options = ServeOptions { state_cache: hand.state_cache, ..ServeOptions::new("test") };
         // A deserter's loop ends with an error; the pool must cope with both ends.
         let _ = serve(&mut GrainEngine, &mut port, &options);
@@ -114,8 +114,8 @@ fn start(door: &InProcessDoor, hand: Hand) -> JoinHandle<()> {
 }
 
 fn with_pool<T>(hands: &[Hand], slice: usize, use_it: impl FnOnce(&mut Pool<InProcessMacroPort>) -> T) -> T {
-    let (port, door) = channel();
-    let workers: Vec<_> = hands.iter().map(|hand| start(&door, *hand)).collect();
+    let (port, connector) = channel();
+    let workers: Vec<_> = hands.iter().map(|hand| start(&connector, *hand)).collect();
     let mut settings = PoolSettings::new("test");
     settings.tangents = vec![TangentKind::TrussLikeSlip];
     settings.jobs_per_message = NonZeroUsize::new(slice).unwrap();
@@ -227,8 +227,8 @@ fn a_bad_target_names_the_point_and_leaves_the_state() {
 
 #[test]
 fn a_definition_that_no_worker_accepts_ends_with_its_reason() {
-    let (port, door) = channel();
-    let worker = start(&door, STEADY);
+    let (port, connector) = channel();
+    let worker = start(&connector, STEADY);
     let definitions = vec![Definition { bytes: b"no grains".to_vec() }];
     let settings = PoolSettings::new("test");
     let mut pool = Pool::new(port, Box::new(JoiningWorkers), Interrupt::new(), settings, definitions, &[0]);

@@ -56,6 +56,12 @@ fn an_interrupted_run_continues_to_the_same_bytes_and_says_what_it_cost() {
     assert!(!site.path("parts/checkpoint.bin").exists(), "a complete run needs none");
     let again = run(&site, "parts", &["--resume"]);
     assert!(again.status.success() && again.stderr.contains("is complete"), "{}", again.stderr);
+    // Whether a run with a damaged summary is complete is not known: a run from the beginning would remove its results.
+    fs::write(site.path("parts/summary.json"), "{\"status\":").unwrap();
+    let refused = run(&site, "parts", &["--resume"]);
+    assert_eq!(refused.status.code(), Some(2), "{}", refused.stderr);
+    assert!(refused.stderr.contains("summary.json cannot be read"), "{}", refused.stderr);
+    assert_eq!(site.history("parts"), site.history("whole"), "nothing is touched");
 }
 
 /// Every procedure, every link, several stages: a run that is killed once it has kept its first step, and again later, ends in the

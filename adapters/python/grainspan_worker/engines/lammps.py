@@ -276,7 +276,7 @@ class LammpsRve(OpaqueStateRve):
         overlap = first + second - rows[:, 1]
         largest = (overlap / (2.0 * numpy.minimum(first, second))).max(initial=0.0)
         if len(rows) == 0:
-            flags.add("fluid")
+            flags.add("no_load_bearing_contacts")
         if largest > 0.1:
             flags.add("large_overlap")
         observed = {}

@@ -126,7 +126,7 @@ class ReferenceRve(Rve):
         area, count = motion.area(), len(self.radii)
         touching = len(motion.overlap)
         if touching == 0:
-            flags.add("fluid")
+            flags.add("no_load_bearing_contacts")
         overlap_ratio = (motion.overlap / (2.0 * motion.smaller_radius)).max(initial=0.0)
         if overlap_ratio > 0.1:
             flags.add("large_overlap")

@@ -191,7 +191,7 @@ class YadeRve(OpaqueStateRve):
         ]
         largest = max(overlap, default=0.0)
         if not contacts:
-            flags.add("fluid")
+            flags.add("no_load_bearing_contacts")
         if largest > 0.1:
             flags.add("large_overlap")
         observed = {}

@@ -12,7 +12,7 @@ use rve_server::definition::RveOptions;
 /// Iterates of a finer run are held to this share of the tolerances.
 const TIGHTNESS: f64 = 0.1;
 
-/// Scenes of at most so many evaluations of points, and of so many force evaluations times grains, are compared with finer runs: two to
+/// Scenes of at most this many evaluations of points, and of this many force evaluations times grains, are compared with finer runs: two to
 /// twelve times the work of the scene. Counted, not timed, so that the same scenes are compared on every machine.
 const CHEAP: (u64, f64) = (1000, 1e8);
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Points of the body for each one of its strained part.
 pub(super) const POINTS_PER_STRAINED: usize = 8;
 
-/// The replicas are placed anew when a point has strained so much since the last time: about a load step of a static stage. Increments of
+/// The replicas are placed again when a point has strained by this much since the last time: about a load step of a static stage. Increments of
 /// waves and of stabilised steps are too small to tell where a body strains.
 const STRAIN_OF_A_REVIEW: f64 = 5e-4;
 
@@ -43,7 +43,7 @@ pub(super) struct Kept {
 }
 
 impl Strains {
-    /// None of so many points has strained.
+    /// Points none of which has strained.
     pub(super) fn of(points: usize) -> Self {
         let zeros = vec![0.0; points];
         let kept = Kept {

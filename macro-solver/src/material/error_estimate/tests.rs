@@ -265,7 +265,7 @@ fn a_roaming_replica_follows_the_point_that_strains_most_and_finds_its_error() {
     assert_eq!(followed(&estimator), Some(3));
 }
 
-/// Stress of a point after so many steps of 1e-3 in four ramp steps each, Pa.
+/// Stress of a point after `steps` steps of 1e-3 in four ramp steps each, Pa.
 fn in_steps(steps: usize) -> f64 {
     (0..4 * steps).fold(START, |stress, _| stress - MODULUS * (1.0 - stress / LIMIT) * 2.5e-4)
 }

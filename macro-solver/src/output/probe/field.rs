@@ -34,6 +34,14 @@ pub enum Part {
 }
 
 impl Part {
+    /// Whether this Gauss point belongs to it.
+    pub fn holds(&self, point: usize) -> bool {
+        match self {
+            Self::Body => true,
+            Self::Points(numbers) => numbers.binary_search(&point).is_ok(),
+        }
+    }
+
     /// The points with their numbers.
     pub(super) fn of<'a>(
         &'a self,

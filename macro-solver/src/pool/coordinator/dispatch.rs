@@ -7,7 +7,7 @@ use protocol::transport::{LoadedJob, WorkerId};
 use protocol::wire::{TrialJob, TrialReply};
 use std::time::{Duration, Instant};
 
-/// From so many workers of a group on, a message holds a quarter of a worker's share at most. Costs differ from what was expected, and
+/// From this number of workers of a group on, a message holds a quarter of a worker's share at most. Costs differ from what was expected, and
 /// the slowest of many workers differs more; few workers gain more from long messages, whose jobs they solve side by side. See
 /// `docs/lab-book/hosts.md`.
 const MANY_WORKERS: usize = 64;

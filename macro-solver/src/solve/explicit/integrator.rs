@@ -181,7 +181,7 @@ impl Integrator {
         }
         self.time_before = self.time();
         self.done += 1;
-        specimen.statistics.steps += 1;
+        specimen.statistics.time_steps += 1;
         let is_inverted = |geometry: &PointGeometry| geometry.volume.is_nan() || geometry.volume <= 0.0;
         if let Some(point) = specimen.body.settled_geometry().iter().position(is_inverted) {
             return Err(self.unstable(format!("the element of Gauss point {point} is turned inside out")));

@@ -110,6 +110,8 @@ impl Solver<'_> {
                 mass,
             }),
         };
+        // The state that a stage begins with is no step.
+        self.statistics.steps += u64::from(integrator.done() > reported);
         self.report_accepted(&state, before, session)?;
         integrator.reported();
         Ok(integrator)

@@ -3,6 +3,8 @@
 //! For large spatial meshes, where the fill of a direct factorization grows with the 4/3 power of the unknowns. The
 //! matrix is given by columns, as the direct solver keeps it. One thread and a fixed order: reproducible to the bit.
 
+use super::dot;
+
 /// Columns of a square sparse matrix with a symmetric pattern and sorted rows.
 #[derive(Clone, Copy)]
 pub(in crate::solve) struct Columns<'a> {
@@ -150,10 +152,6 @@ pub(in crate::solve) fn solve(
         }
     }
     None
-}
-
-fn dot(one: &[f64], other: &[f64]) -> f64 {
-    one.iter().zip(other).map(|(a, b)| a * b).sum()
 }
 
 fn add(vector: &mut [f64], factor: f64, change: &[f64]) {

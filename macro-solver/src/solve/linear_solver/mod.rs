@@ -322,6 +322,11 @@ fn direct(factors: &Lu<usize, f64>, right: &[f64]) -> Vec<f64> {
     solution.iter().copied().collect()
 }
 
+/// Product of two vectors of equal length, summed in order.
+pub(super) fn dot(one: &[f64], other: &[f64]) -> f64 {
+    one.iter().zip(other).map(|(one, other)| one * other).sum()
+}
+
 /// Euclidean norm, summed in order.
 pub(super) fn norm(vector: &[f64]) -> f64 {
     vector.iter().map(|value| value * value).sum::<f64>().sqrt()

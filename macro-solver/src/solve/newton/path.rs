@@ -8,7 +8,7 @@ use crate::model::failure::Failure;
 use crate::problem::{Axis, Moment, PathControl, Predictor, Problem, ProblemError, Stage};
 use crate::solve::accepted::LastStep;
 use crate::solve::driver::Solver;
-use crate::solve::linear_solver::{LinearSolverError, norm};
+use crate::solve::linear_solver::{LinearSolverError, dot, norm};
 
 /// Half the change of the load factor from which its direction is taken; histories are piecewise smooth.
 const LOAD_CHANGE: f64 = 1e-6;
@@ -45,18 +45,18 @@ impl PathConstraint {
         Ok(match &stage.control.path {
             PathControl::Load => None,
             PathControl::ArcLength { first_load, set, component } => {
-                let mut weights = vec![if set.is_some() { 0.0 } else { 1.0 }; count];
-                if let Some(nodes) = set {
-                    for dof in components(problem, nodes, *component)? {
-                        weights[dof] = 1.0;
-                    }
+                let mut weights = vec![0.0; count];
+                let all: Vec<usize> = (0..problem.mesh.nodes.len()).collect();
+                let nodes = set.as_ref().map_or(Ok(all.as_slice()), |set| problem.nodes(set))?;
+                for dof in components(problem, nodes, *component)? {
+                    weights[dof] = 1.0;
                 }
                 Some(Self::Length { weights, first_load: *first_load })
             }
             PathControl::Indirect { nodes, relative_to, axis, growth } => {
                 let mut coefficients = vec![0.0; count];
                 for (set, sign) in std::iter::once((nodes, 1.0)).chain(relative_to.iter().map(|set| (set, -1.0))) {
-                    let components = components(problem, set, Some(*axis))?;
+                    let components = components(problem, problem.nodes(set)?, Some(*axis))?;
                     let share = sign / components.len() as f64;
                     components.into_iter().for_each(|dof| coefficients[dof] += share);
                 }
@@ -95,9 +95,8 @@ impl PathConstraint {
 }
 
 /// Degrees of freedom of a node set.
-fn components(problem: &Problem, set: &str, axis: Option<Axis>) -> Result<Vec<usize>, ProblemError> {
+fn components(problem: &Problem, nodes: &[usize], axis: Option<Axis>) -> Result<Vec<usize>, ProblemError> {
     let dimension = problem.mesh.dimension.count();
-    let nodes = problem.nodes(set)?;
     let axes = match axis {
         Some(axis) if axis.index() >= dimension => return Err(ProblemError::NoThirdAxis),
         Some(axis) => axis.index()..axis.index() + 1,
@@ -213,8 +212,4 @@ impl Solver<'_> {
         self.constraints.complete(&mut increment, &self.body.displacements, moment);
         increment
     }
-}
-
-fn dot(one: &[f64], other: &[f64]) -> f64 {
-    one.iter().zip(other).map(|(one, other)| one * other).sum()
 }

@@ -6,7 +6,7 @@ use crate::solve::accepted::LastStep;
 use crate::solve::driver::Solver;
 use crate::solve::linear_solver::norm;
 
-/// A step repeats no more than so many times the share of the last one that goes with its size: supports that hardly moved in the last
+/// A step repeats no more than this many times the share of the last one that goes with its size: supports that hardly moved in the last
 /// step, or loads that hardly changed, predict nothing.
 const MOST_REPEATED: f64 = 4.0;
 
@@ -100,7 +100,7 @@ enum Pace {
     Rest,
     /// Something begins to change that did not, or less than the rest of it.
     Begins,
-    /// By so much of the last change, negative where it turns back.
+    /// By this share of the last change, negative where it turns back.
     Share(f64),
 }
 

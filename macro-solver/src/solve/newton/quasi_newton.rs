@@ -4,6 +4,7 @@
 //! out-of-balance force that came with it. Pairs of earlier steps stay, up to a number; a failed attempt drops them all.
 
 use crate::problem::QuasiNewton;
+use crate::solve::linear_solver::dot;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -105,10 +106,6 @@ impl Memory {
         self.pairs = pairs.into();
         fits
     }
-}
-
-fn dot(one: &[f64], other: &[f64]) -> f64 {
-    one.iter().zip(other).map(|(one, other)| one * other).sum()
 }
 
 fn difference(one: &[f64], other: &[f64]) -> Vec<f64> {

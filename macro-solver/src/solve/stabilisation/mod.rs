@@ -16,7 +16,7 @@ mod path;
 
 use super::accepted::{Converged, Counters, Followed};
 use super::driver::{Session, Solver, is_smallest};
-use super::linear_solver::{LinearSolverError, norm};
+use super::linear_solver::{LinearSolverError, dot, norm};
 use super::newton::largest_component;
 use super::newton::tangent_update::TangentUpdater;
 use super::procedure::LoadStepMethod;
@@ -427,10 +427,6 @@ impl Solver<'_> {
         let residual = self.constraints.restrict(&self.balance.residual());
         self.solve_linear(&residual.iter().map(|value| -value).collect::<Vec<f64>>())
     }
-}
-
-fn dot(one: &[f64], other: &[f64]) -> f64 {
-    one.iter().zip(other).map(|(one, other)| one * other).sum()
 }
 
 fn failed(error: LinearSolverError) -> Failure {

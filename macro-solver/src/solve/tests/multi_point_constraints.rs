@@ -221,6 +221,11 @@ fn links_that_cannot_hold_are_refused() {
     skewed.nodes[corner][1] += 0.1;
     let pairs = periodic("left", "right", [None; 3]);
     assert!(matches!(error(skewed, vec![pairs]), ProblemError::NoImage { .. }));
+    // Nodes that are to move as themselves would be free, without a word.
+    let itself = periodic("left", "left", [Some(0.0); 3]);
+    assert!(matches!(error(square(), vec![itself]), ProblemError::MultiPointConstraint { .. }));
+    let empty = linked(MultiPointConstraint::Sum { terms: Vec::new(), value: 0.0 });
+    assert!(matches!(error(square(), vec![empty]), ProblemError::MultiPointConstraint { .. }));
     let missing = periodic("left", "wall", [None; 3]);
     assert!(matches!(error(square(), vec![missing]), ProblemError::UnknownNodeSet { .. }));
     let deep = linked(MultiPointConstraint::TiltingPlaten {

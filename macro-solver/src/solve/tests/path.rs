@@ -7,6 +7,7 @@ use super::*;
 use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
 use crate::problem::{PathControl, Predictor, Strategy};
+use crate::solve::newton::path::PathConstraint;
 
 const MODULUS: f64 = 1.0e7;
 
@@ -147,4 +148,29 @@ fn a_column_that_snaps_back_is_followed() {
         let exact = ((1.0 - height) + (cells - 1) as f64 * (1.0 - other)) / 2.0;
         assert!((load - exact).abs() < 1e-7, "load {load} at {height}, exactly {exact}");
     }
+}
+
+/// Without a set the arc length measures all nodes, by the component that is named: it was not looked at.
+#[test]
+fn an_arc_length_without_a_set_is_that_of_all_nodes() {
+    let problem = |set: Option<&str>, component| {
+        let control = PathControl::ArcLength { first_load: 0.1, set: set.map(str::to_owned), component };
+        let mut problem = column(2, pressed(MODULUS), control);
+        let all = (0..problem.mesh.nodes.len()).collect();
+        problem.mesh.node_sets.insert("all".to_owned(), all);
+        problem
+    };
+    let weights = |set, component| {
+        let problem = problem(set, component);
+        match PathConstraint::new(&problem, &problem.stages[0]).unwrap() {
+            Some(PathConstraint::Length { weights, .. }) => weights,
+            other => panic!("{other:?}"),
+        }
+    };
+    for (component, pattern) in [(None, [1.0, 1.0]), (Some(Axis::X), [1.0, 0.0]), (Some(Axis::Y), [0.0, 1.0])] {
+        assert_eq!(weights(None, component), weights(Some("all"), component), "{component:?}");
+        assert_eq!(weights(None, component)[..2], pattern, "{component:?}");
+    }
+    let deep = problem(None, Some(Axis::Z)).validate().unwrap_err().to_string();
+    assert!(deep.contains("no direction z"), "{deep}");
 }

@@ -3,7 +3,7 @@
 use super::janitor::Janitor;
 use super::run_directory::{ChannelLimits, RunDirectory, RunError, RunRecord, check_room};
 use super::services::{Listener, Notifier, OpenRequest, Server, Services, message_bytes, port_name};
-use super::waiting::Watchman;
+use super::waiting::WaitState;
 use super::watch::{WAKER, Watch};
 use super::{CREDITS, refused, system};
 use crate::control::{FromWorker, ToWorker};
@@ -40,7 +40,7 @@ pub struct SharedMemoryMacroPort {
     peers: BTreeMap<WorkerId, Peer>,
     by_sender: BTreeMap<u64, WorkerId>,
     joined: u32,
-    watchman: Watchman,
+    wait_state: WaitState,
     watch: Watch,
     /// None only while dropping, when it must go before the workers are told.
     server: Option<Server>,
@@ -73,7 +73,7 @@ impl SharedMemoryMacroPort {
             peers: BTreeMap::new(),
             by_sender: BTreeMap::new(),
             joined: 0,
-            watchman: Watchman::new(limits.waiting),
+            wait_state: WaitState::new(limits.waiting),
             watch,
             server: Some(server),
             to_workers,
@@ -92,7 +92,7 @@ impl SharedMemoryMacroPort {
     fn drain(&mut self, sink: &mut dyn FnMut(MacroEvent<'_>)) -> Result<usize, TransportError> {
         // Order matters. Wake-ups first, else one that comes between would be lost; ended processes before messages,
         // so that all that an ended process had sent is read before it is given up.
-        let fired = if self.watchman.asks_kernel() {
+        let fired = if self.wait_state.asks_kernel() {
             self.listener.try_wait(|_| {}).map_err(refused("read wake-ups"))?;
             self.watch.fired()?
         } else {
@@ -324,10 +324,10 @@ impl MacroPort for SharedMemoryMacroPort {
             let left = end.map_or(wait, |end| end.saturating_duration_since(Instant::now()));
             let server = self.server.as_ref().expect("the server lives until drop");
             // An error shows in the drain that follows.
-            let awake = self.watchman.look(left, || server.has_requests().unwrap_or(true));
+            let awake = self.wait_state.look(left, || server.has_requests().unwrap_or(true));
             if !awake {
                 self.watch.wait(left)?;
-                self.watchman.has_slept();
+                self.wait_state.has_slept();
             }
             let events = self.drain(sink)?;
             if events > 0 || !awake || left.is_zero() {

@@ -44,7 +44,7 @@ crate::keywords! {
 
 /// Carries out a policy for one end.
 #[derive(Debug)]
-pub(super) struct Watchman {
+pub(super) struct WaitState {
     waiting: Waiting,
     cores: usize,
     core_free: bool,
@@ -53,7 +53,7 @@ pub(super) struct Watchman {
     last_kernel_look: Option<Instant>,
 }
 
-impl Watchman {
+impl WaitState {
     pub(super) fn new(waiting: Waiting) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
         Self { waiting, cores, core_free: false, counted: None, last_kernel_look: None }
@@ -127,26 +127,26 @@ mod tests {
             looks.set(looks.get() + 1);
             looks.get() == 100
         };
-        assert!(!Watchman::new(Waiting::Block).look(Duration::from_secs(1), come));
+        assert!(!WaitState::new(Waiting::Block).look(Duration::from_secs(1), come));
         assert_eq!(looks.get(), 0);
-        assert!(Watchman::new(Waiting::Spin).look(Duration::from_secs(10), come));
+        assert!(WaitState::new(Waiting::Spin).look(Duration::from_secs(10), come));
         assert_eq!(looks.get(), 100);
     }
 
     #[test]
     fn a_hybrid_wait_ends_by_blocking_and_needs_a_free_core() {
-        let mut watchman = Watchman::new(Waiting::Hybrid);
-        assert!(!watchman.look(Duration::from_secs(10), || false), "nothing came, so it has to block");
-        watchman.cores = 0;
-        watchman.counted = None;
-        assert!(!watchman.look(Duration::from_secs(10), || panic!("there is no core to look with")));
+        let mut wait_state = WaitState::new(Waiting::Hybrid);
+        assert!(!wait_state.look(Duration::from_secs(10), || false), "nothing came, so it has to block");
+        wait_state.cores = 0;
+        wait_state.counted = None;
+        assert!(!wait_state.look(Duration::from_secs(10), || panic!("there is no core to look with")));
     }
 
     #[test]
     fn the_kernel_is_asked_now_and_then_by_those_who_spin_and_always_by_those_who_block() {
-        let mut blocking = Watchman::new(Waiting::Block);
+        let mut blocking = WaitState::new(Waiting::Block);
         assert!(blocking.asks_kernel() && blocking.asks_kernel());
-        let mut spinning = Watchman::new(Waiting::Spin);
+        let mut spinning = WaitState::new(Waiting::Spin);
         assert!(spinning.asks_kernel());
         let begun = Instant::now();
         while !spinning.asks_kernel() {

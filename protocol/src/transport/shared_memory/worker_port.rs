@@ -3,7 +3,7 @@
 use super::gate::{Busy, FirstPart, LastPart};
 use super::run_directory::{Latecomer, RunDirectory, RunError, RunRecord, WORKER_ROOM, check_room, fresh_number};
 use super::services::{Client, Listener, Notifier, Pending, Services, message_bytes, port_name};
-use super::waiting::Watchman;
+use super::waiting::WaitState;
 use super::watch::Watch;
 use super::{CREDITS, WINDOW, refused};
 use crate::control::{FromWorker, ToWorker};
@@ -46,7 +46,7 @@ pub struct SharedMemoryWorkerPort {
     loss_reported: bool,
     /// None when macro and worker are threads of one process.
     _macro_process: Option<OwnedFd>,
-    watchman: Watchman,
+    wait_state: WaitState,
     watch: Watch,
     client: Client,
     to_macro: Notifier,
@@ -129,7 +129,7 @@ impl SharedMemoryWorkerPort {
             lost: None,
             loss_reported: false,
             _macro_process: macro_process,
-            watchman: Watchman::new(record.limits.waiting),
+            wait_state: WaitState::new(record.limits.waiting),
             watch,
             client,
             to_macro,
@@ -149,7 +149,7 @@ impl SharedMemoryWorkerPort {
     }
 
     fn drain(&mut self, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
-        if self.watchman.asks_kernel() {
+        if self.wait_state.asks_kernel() {
             self.listener.try_wait(|_| {}).map_err(refused("read wake-ups"))?;
             if self.watch.fired()?.contains(&MACRO) {
                 self.lost.get_or_insert_with(|| "the macro's process has ended".to_owned());
@@ -270,10 +270,10 @@ impl WorkerPort for SharedMemoryWorkerPort {
         loop {
             let left = end.map_or(wait, |end| end.saturating_duration_since(Instant::now()));
             let open = &self.open;
-            let awake = self.watchman.look(left, || open.front().is_some_and(|oldest| oldest.has_response()));
+            let awake = self.wait_state.look(left, || open.front().is_some_and(|oldest| oldest.has_response()));
             if !awake {
                 self.watch.wait(left)?;
-                self.watchman.has_slept();
+                self.wait_state.has_slept();
             }
             let events = self.drain(sink)?;
             if events > 0 || !awake || left.is_zero() {

@@ -8,6 +8,7 @@ use super::snapshot::{ENGINE_NAME, opened};
 use crate::cell::{ContactNetwork, GrainState, reduced};
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, GrainModel, RveOptions, SolverName};
+use crate::homogenization::fabric::LARGEST_OVERLAP_RATIO;
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::homogenization::picture::CellPicture;
 use crate::solver::{Course, End, GrainSolver, PathEnergies, SolveJob, Solved, SolverFor, chosen_ramp_steps};
@@ -125,10 +126,18 @@ impl<S: SolverFor> GrainRve<S> {
         let mut solver = solver_for(definition.options.solver, &definition.contact)?;
         let given = model.initial_state(definition);
         // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
-        let found = solver.evaluate_state(&model, &given).ok().filter(|end| end.solved.unbalanced.is_finite());
-        let Some(end) = found else {
+        let end = solver
+            .evaluate_state(&model, &given)
+            .map_err(|error| RveError::Definition(format!("the packing as given cannot be evaluated: {error}")))?;
+        if !end.solved.unbalanced.is_finite() {
             return Err(RveError::Definition("the packing gives contact forces that are not finite".into()));
-        };
+        }
+        let overlap = solver.network(&model, &end).max_overlap_ratio();
+        if overlap > LARGEST_OVERLAP_RATIO {
+            return Err(RveError::Definition(format!(
+                "grains of the packing overlap by {overlap:.2} of a diameter: these are no grains in contact; check its radii and places"
+            )));
+        }
         let committed = GrainState { dissipation: 0.0, ..end.state };
         let mut listed_forces = ListedForces::compare(&given, &committed);
         if !model.has_tangential_springs {
@@ -450,7 +459,7 @@ impl<S: SolverFor> RveSolver for GrainRve<S> {
         let contact = ContactTable { friction: self.full_friction, ..self.contact.clone() };
         let GrainModel { thickness, radii, options, .. } = &self.model;
         let parts = rmp_serde::to_vec_named(&(S::DIMENSION, thickness, radii, contact, options));
-        parts.ok().map(|parts| ContentId::of(&parts))
+        Some(ContentId::of(&parts.expect("writing MessagePack to memory cannot fail")))
     }
 
     fn solve_batch(&mut self, requests: &[TrialRequest<'_>]) -> Vec<Result<(TrialResult, Vec<u8>), RveError>> {

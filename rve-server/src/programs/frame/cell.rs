@@ -9,7 +9,7 @@ use crate::contact::{ContactTable, LawName, PlainLinear, Rotations};
 use crate::definition::{EngineFeature, FrameConstraint, GrainDefinition, PackingFile};
 use crate::engine::ENGINE_VERSION;
 use crate::error::DefinitionError;
-use crate::homogenization::fabric::anisotropy;
+use crate::homogenization::fabric::{LARGE_OVERLAP_RATIO, anisotropy};
 use crate::homogenization::picture::CellPicture;
 use crate::homogenization::stress::first_piola;
 use crate::programs::specimen::{Body, ContactSums, Grain};
@@ -29,9 +29,6 @@ pub const FRAME_ENGINE_NAME: &str = "grainspan-frame";
 
 /// Largest |H| of one trial.
 const LARGEST_TARGET: f64 = 0.2;
-
-/// Overlap over radius from which an answer is flagged.
-const LARGE_OVERLAP: f64 = 0.2;
 
 /// Parts of definitions that it follows. Rolling moments come to nothing without rolling resistance, as they do in periodic cells.
 const FOLLOWED: [EngineFeature; 4] = [
@@ -334,7 +331,7 @@ impl FrameRve {
         if network.contacts.is_empty() {
             flags.insert(TrialFlags::NO_LOAD_BEARING_CONTACTS);
         }
-        if network.max_overlap_ratio() > 0.5 * LARGE_OVERLAP {
+        if network.max_overlap_ratio() > LARGE_OVERLAP_RATIO {
             flags.insert(TrialFlags::LARGE_OVERLAP);
         }
         let answer = TrialResult {

@@ -6,6 +6,7 @@
 
 mod csv_table;
 mod error;
+mod increment;
 mod on_frame;
 mod path;
 mod requests;

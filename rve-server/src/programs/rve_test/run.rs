@@ -1,16 +1,15 @@
 //! The driver: increment by increment along the path.
 
 use super::error::ElementError;
+use super::increment::{Accepted, Spent};
 use super::on_frame::run_frame_element;
-use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, by_gradient, flat, tensor_of};
+use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, flat, tensor_of};
 use super::requests::RowRequests;
 use super::row::ElementRow;
-use super::servo::{Miss, Servo};
 use super::step::{Step, raised_level};
 use super::stress_control::StressControl;
-use super::stress_relaxation::{LARGEST_JUMP, MOST_RELAXED, Relaxation, STEPS_BEFORE_NEAREST, is_out_of_range};
 use super::summary::ElementSummary;
-use super::test_file::{COMPONENT_KEYS, ElementTest, Segment};
+use super::test_file::{ElementTest, Segment};
 use super::work::PathWork;
 use crate::cell::{ContactNetwork, GrainState};
 use crate::definition::{GrainDefinition, Packing, PackingFile};
@@ -20,20 +19,13 @@ use crate::homogenization::picture::CellPicture;
 use crate::solver::SolverFor;
 use crate::space::{Tensor, add_scaled, inverse, product};
 use crate::tangent::{self, Closeness};
-use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
+use protocol::{Observables, RveError, RveSolver, TangentKind, TrialFlags, TrialOptions};
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Most trials of one increment under stress control.
-const MOST_TRIALS: u32 = 30;
-
 /// Most times that an increment is halved for the sake of the controlled stresses.
 const MOST_HALVINGS: u32 = 5;
-
-/// Trials of one increment after which, once stresses had to be relaxed in it, its other parts are not searched any more: their stresses are
-/// relaxed at once.
-const MOST_SEARCHED: u32 = 400;
 
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
 /// what `requests` names: a tangent operator alone stands for itself.
@@ -155,57 +147,38 @@ fn run_in_space<S: SolverFor>(
     Ok(run.summary)
 }
 
-struct Run<S: SolverFor> {
-    cell: GrainRve<S>,
-    stress_tolerance: f64,
+/// A test on its way.
+pub(super) struct Run<S: SolverFor> {
+    pub(super) cell: GrainRve<S>,
+    pub(super) stress_tolerance: f64,
     tangent: TangentKind,
     pictures: BTreeSet<u64>,
     fluctuations_from: Option<u64>,
     /// Grains and deformation from which fluctuations are counted, once they are reached.
     reference: Option<(GrainState<S>, Matrix)>,
-    summary: ElementSummary,
+    pub(super) summary: ElementSummary,
     /// F of the committed state, relative to the packing as given.
     deformation: Matrix,
     /// Stress of the committed state, Pa.
-    stress: Matrix,
+    pub(super) stress: Matrix,
     /// Largest stress component at the start of a segment so far, Pa.
     stress_level: f64,
     /// Whether the packing as given is far from equilibrium under the law.
     is_far_from_rest: bool,
     /// Work and damping up to the committed state.
-    work: PathWork,
+    pub(super) work: PathWork,
     /// Network of the committed state with the contacts that slid in the last step.
-    network: Option<ContactNetwork<S>>,
+    pub(super) network: Option<ContactNetwork<S>>,
     /// Targets of the last segment if its last increment missed them, Pa.
     missed: [Option<f64>; COMPONENTS],
     /// Change of G in the last increment of the same segment.
-    last_change: Option<Matrix>,
+    pub(super) last_change: Option<Matrix>,
     /// Elastic operator of the last state that a search started from and that carried a load; for cells that carry none.
-    sound: Option<Operator>,
+    pub(super) sound: Option<Operator>,
     /// Cost of the present increment so far.
-    spent: Spent,
+    pub(super) spent: Spent,
     /// DEM steps in which the packing came to rest; they count with the first increment.
     spent_settling: u64,
-}
-
-/// Trials and their DEM steps, those of searches that failed included.
-#[derive(Clone, Copy, Debug, Default)]
-struct Spent {
-    trials: u32,
-    dem_steps: u64,
-    /// Committed steps of relaxed stresses.
-    relaxed: u32,
-    /// Some of them have not come to rest.
-    is_restless: bool,
-    /// The nearer side of a snap was kept, at least in a part of the increment.
-    has_jumped: bool,
-}
-
-/// An accepted trial and what it took.
-struct Accepted {
-    gradient: Matrix,
-    answer: TrialResult,
-    control: StressControl,
 }
 
 impl<S: SolverFor> Run<S> {
@@ -393,159 +366,5 @@ impl<S: SolverFor> Run<S> {
         let perturbed = self.cell.operator(self.tangent).expect("there is a trial");
         self.summary.operator_steps += perturbed.force_evaluations;
         Some(perturbed.outcome)
-    }
-
-    /// One trial.
-    fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialResult, ElementError> {
-        let options = TrialOptions {
-            tangent: TangentKind::None,
-            ramp_steps,
-            observables: Observables::ALL,
-            ..TrialOptions::default()
-        };
-        let target = Tensor2(flat(&step.kinematics.target(gradient, &step.committed_gradient)));
-        let answer = self
-            .cell
-            .trial(&target, &options)
-            .map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })?;
-        self.spent.trials += 1;
-        self.spent.dem_steps += answer.cost.force_evaluations;
-        Ok(answer)
-    }
-
-    fn keep_network(&mut self) {
-        self.network = self.cell.network().cloned();
-    }
-
-    fn by_operator(&self, kind: TangentKind, gradient: &Matrix) -> Operator {
-        let network = self.network.as_ref().expect("row 0 sets the network");
-        by_gradient(&tangent::evaluate(network, kind).operator, gradient)
-    }
-
-    fn prescribed(&mut self, step: &Step) -> Result<Accepted, ElementError> {
-        let answer = self.attempt(step, &step.gradient, 0)?;
-        self.keep_network();
-        Ok(Accepted { gradient: step.gradient, answer, control: StressControl::None })
-    }
-
-    /// One search for the controlled stresses. As the last resort it takes the nearest of its trials, if that is as near as a snap
-    /// may leave it, and otherwise relaxes the stresses from there.
-    fn controlled(&mut self, step: &Step, is_last_resort: bool) -> Result<Accepted, ElementError> {
-        let elastic = self.by_operator(TangentKind::TrussLike, &step.committed_gradient);
-        let sliding = self.by_operator(TangentKind::TrussLikeSlip, &step.committed_gradient);
-        if Relaxation::new(&step.targets).is_sound(&elastic) {
-            self.sound = Some(elastic);
-        }
-        let mut servo = Servo::new(&step.targets, &sliding, &elastic);
-        let mut gradient = match &self.last_change {
-            // Going on as before beats every operator while the path is smooth.
-            Some(change) => step.with_unknowns(&add_scaled(&step.committed_gradient, 1.0, change)),
-            None => servo.predict(&step.gradient, &step.expected_stress(&self.stress, &sliding)),
-        };
-        let (mut ramp_steps, mut trials) = (0, 0);
-        let mut closest: Option<(Miss, f64, Matrix)> = None;
-        let is_searched = self.spent.relaxed == 0 || self.spent.trials < MOST_SEARCHED;
-        let most_trials = if is_searched { MOST_TRIALS } else { 1 };
-        while trials < most_trials {
-            trials += 1;
-            let answer = match self.attempt(step, &gradient, ramp_steps) {
-                // The search has left the range of one trial: the target lies beyond what the cell can carry.
-                Err(ElementError::Cell { increment, reason }) if is_out_of_range(&reason) => {
-                    if closest.is_none() {
-                        return Err(ElementError::StressOutOfReach { increment });
-                    }
-                    break;
-                }
-                answer => answer?,
-            };
-            // The first trial chooses the ramp for all: the stress would jump with its length otherwise.
-            ramp_steps = u32::try_from(answer.cost.ramp_steps).unwrap_or(u32::MAX);
-            let stress = tensor_of(&answer.stress.0);
-            let scale = step.stress_scale(&stress, S::DIMENSION);
-            let miss = servo.miss(&stress);
-            let tolerance = self.stress_tolerance * scale;
-            let is_reached = miss.distance() <= tolerance;
-            let is_at_jump = servo.has_pinned_a_jump(tolerance) && gradient == servo.best(&gradient);
-            if is_reached || (is_at_jump && miss.distance() <= LARGEST_JUMP * scale) {
-                self.spent.has_jumped |= !is_reached;
-                self.keep_network();
-                let control = if is_reached { StressControl::Met } else { StressControl::Jump };
-                return Ok(Accepted { gradient, answer, control });
-            }
-            if closest.is_none_or(|(best, ..)| miss.distance() < best.distance()) {
-                closest = Some((miss, tolerance, gradient));
-            }
-            if is_at_jump {
-                break;
-            }
-            gradient = servo.improve(&gradient, &stress);
-            if servo.has_pinned_a_jump(tolerance) {
-                gradient = servo.best(&gradient);
-            }
-        }
-        let (miss, tolerance, gradient) = closest.expect("the first trial was answered");
-        if is_last_resort && self.stress_tolerance * miss.distance() <= LARGEST_JUMP * tolerance {
-            let answer = self.attempt(step, &gradient, ramp_steps)?;
-            self.spent.has_jumped = true;
-            self.keep_network();
-            return Ok(Accepted { gradient, answer, control: StressControl::Jump });
-        }
-        if is_last_resort {
-            return self.relaxed(step.clone(), gradient, ramp_steps);
-        }
-        Err(self.not_reached(&miss, tolerance))
-    }
-
-    /// Takes the cell to `gradient` and from there, in committed steps, to the controlled stresses.
-    fn relaxed(&mut self, mut step: Step, mut gradient: Matrix, ramp_steps: u32) -> Result<Accepted, ElementError> {
-        let mut relaxation = Relaxation::new(&step.targets);
-        let mut ramp = ramp_steps;
-        let (mut taken, mut nearest): (_, Option<(Miss, f64)>) = (0, None);
-        loop {
-            let answer = self.attempt(&step, &gradient, std::mem::take(&mut ramp))?;
-            self.keep_network();
-            let stress = tensor_of(&answer.stress.0);
-            let scale = step.stress_scale(&stress, S::DIMENSION);
-            let miss = step.miss(&stress);
-            let tolerance = self.stress_tolerance * scale;
-            let is_reached = miss.distance() <= tolerance;
-            let is_near = taken >= STEPS_BEFORE_NEAREST && miss.distance() <= LARGEST_JUMP * scale;
-            if is_reached || is_near {
-                self.spent.has_jumped |= !is_reached;
-                let control = if is_reached { StressControl::Relaxed } else { StressControl::Jump };
-                return Ok(Accepted { gradient, answer, control });
-            }
-            if nearest.is_none_or(|(best, _)| miss.distance() < best.distance()) {
-                nearest = Some((miss, tolerance));
-            }
-            if self.spent.relaxed >= MOST_RELAXED {
-                let (miss, tolerance) = nearest.expect("just set");
-                return Err(self.not_reached(&miss, tolerance));
-            }
-            self.spent.is_restless |= answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
-            let energies = self.cell.trial_energies();
-            self.cell.commit().expect("the trial is the latest");
-            step.go_on_from(gradient);
-            self.work.advance(step.kinematics.committed, stress, energies);
-            taken += 1;
-            self.spent.relaxed += 1;
-            let elastic = self.by_operator(TangentKind::TrussLike, &gradient);
-            let elastic = match self.sound {
-                Some(sound) if !relaxation.is_sound(&elastic) => sound,
-                _ => elastic,
-            };
-            gradient = relaxation.next(&gradient, &stress, &elastic);
-        }
-    }
-
-    fn not_reached(&self, miss: &Miss, tolerance: f64) -> ElementError {
-        ElementError::StressNotReached {
-            increment: self.summary.rows,
-            component: COMPONENT_KEYS[miss.component],
-            reached: miss.reached,
-            target: miss.target,
-            tolerance,
-            iterations: self.spent.trials,
-        }
     }
 }

@@ -7,7 +7,7 @@ use super::SpecimenSpace;
 use super::contact::Grain;
 use super::test_file::Cut;
 use crate::cell::{Cell, ContactRecord, PairKey};
-use crate::definition::{PackingError, PackingFile};
+use crate::definition::{MOST_GRAINS, PackingError, PackingFile};
 use crate::programs::frame::geometry::FrameGeometry;
 use crate::simd::Tuple;
 use crate::space::{Axial, Components, Discs, Space, Tensor};
@@ -113,7 +113,15 @@ pub fn tiled<S: SpecimenSpace>(
     let whole = Cell::<S> { rows: S::Tensor::from_fn(|i, j| rows[i][j] * counts[i] as f64) };
     let tile_of =
         |number: usize| [number % counts[0], number / counts[0] % counts[1], number / (counts[0] * counts[1])];
-    let mut grains = Vec::with_capacity(packing.grains.len() * counts.iter().product::<usize>());
+    let copies = counts.iter().try_fold(1_usize, |product, count| product.checked_mul(*count));
+    let number = copies.and_then(|copies| copies.checked_mul(packing.grains.len()));
+    let Some(number) = number.filter(|number| *number <= MOST_GRAINS) else {
+        return Err(PackingError::Content(format!(
+            "tiles = {tiles:?} of a packing of {} grains are more than {MOST_GRAINS} grains",
+            packing.grains.len()
+        )));
+    };
+    let mut grains = Vec::with_capacity(number);
     // By how many whole boxes each grain was moved to lie in the upright one.
     let mut moved: Vec<[i32; 3]> = Vec::with_capacity(grains.capacity());
     for number in 0..counts.iter().product() {

@@ -105,9 +105,11 @@ pub struct Layers {
 }
 
 impl Layers {
-    /// Layers of equal thickness between the outermost centres. Grains weigh as much as their volume; axes that are not known give none.
+    /// Layers of equal thickness between the outermost centres. Grains weigh as much as their volume. `table` is one
+    /// that has been checked.
     pub fn new(table: &ProfileTable, dimension: usize, picture: &SpecimenPicture) -> Self {
-        let (axis, along) = (axis_of(&table.axis).unwrap_or(1), axis_of(&table.along).unwrap_or(0));
+        let [axis, along] =
+            [&table.axis, &table.along].map(|name| axis_of(name).expect("a checked table names axes"));
         let places = || picture.centres.iter().map(|centre| centre[axis]);
         let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
         let layer = |place: f64| {

@@ -14,6 +14,7 @@ use super::test_file::SpecimenTest;
 use super::wall::{Wall, WallDrive};
 use crate::contact::{ContactLaw, ContactLaws, LawVisitor, Rotations};
 use crate::definition::PackingFile;
+use crate::homogenization::fabric::LARGE_OVERLAP_RATIO;
 use crate::simd::Tuple;
 use crate::space::{Components, Discs, Spheres};
 use std::ops::ControlFlow;
@@ -30,9 +31,6 @@ const BALANCE_INTERVAL: u64 = 100;
 /// Energy that is missing, or too much, over the energy turned over: from here on a row is counted, and a run stops.
 const ENERGY_COUNTED: f64 = 0.01;
 const ENERGY_STOP: f64 = 0.1;
-
-/// Overlap over the diameter from which on a row is counted, as in cells.
-const OVERLAP_COUNTED: f64 = 0.1;
 
 /// Distance of a controlled wall stress from its target, over the mean target, from which on a row is counted.
 const SERVO_COUNTED: f64 = 0.01;
@@ -362,7 +360,7 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         let error = self.energy_error();
         self.summary.energy_misses += u64::from(error > ENERGY_COUNTED);
         self.summary.largest_energy_error = self.summary.largest_energy_error.max(error);
-        self.summary.overlap_misses += u64::from(row.max_overlap_ratio > OVERLAP_COUNTED);
+        self.summary.overlap_misses += u64::from(row.max_overlap_ratio > LARGE_OVERLAP_RATIO);
         self.summary.largest_overlap = self.summary.largest_overlap.max(row.max_overlap_ratio);
         if stage.until_balance.is_some() {
             return;

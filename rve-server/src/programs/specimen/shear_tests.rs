@@ -382,5 +382,7 @@ fn a_leaning_packing_of_spheres_is_straightened() {
     let (old, new) = (&packing.periodicity, &upright.periodicity);
     assert!(new[2][1] == 0.0 && new[2][2] == old[2][2] && new[1] == old[1] && new[2][0] == old[2][0], "{new:?}");
     assert!(super::assembly::tiled(&packing, &[1, 1, 1], [true, false, true]).is_err());
+    let many = super::assembly::tiled(&upright, &[1000, 1000, 1000], [true; 3]).unwrap_err().to_string();
+    assert!(many.contains("more than 100000000 grains"), "{many}");
     assert_eq!(super::assembly::tiled(&upright, &[1, 1, 1], [true, false, true]).unwrap().grains.len(), 100);
 }

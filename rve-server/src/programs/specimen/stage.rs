@@ -5,6 +5,9 @@ use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Most steps and rows of a stage: the product of both is a number of 64 bits.
+const MOST_STEPS: u64 = u32::MAX as u64;
+
 /// One stage. Each axis has at most one of a strain and a stress; axes with neither keep their walls or periods. Walls can be
 /// sheared whatever moves them along their normals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -138,6 +141,11 @@ impl Stage {
     pub(super) fn validate(&self, dimension: usize, periodic: [bool; 3]) -> Result<(), DefinitionError> {
         if self.steps == 0 || self.rows == 0 {
             return Err(DefinitionError("steps and rows must be at least 1".into()));
+        }
+        if let Some((key, value)) =
+            [("steps", self.steps), ("rows", self.rows)].iter().find(|(_, value)| *value > MOST_STEPS)
+        {
+            return Err(DefinitionError(format!("{key} = {value} must be at most {MOST_STEPS}")));
         }
         if self.until_balance.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
             return Err(DefinitionError("until_balance must be a positive number".into()));

@@ -139,7 +139,8 @@ impl SpecimenTest {
             [("servo_gain", self.walls.servo_gain), ("largest_strain_per_step", self.walls.largest_strain_per_step)]
         {
             if value.is_some_and(|value| !(value.is_finite() && value > 0.0 && value <= 1.0)) {
-                return Err(DefinitionError(format!("walls.{key} must lie between 0 and 1")));
+                let value = value.unwrap_or_default();
+                return Err(DefinitionError(format!("walls.{key} = {value} must be above 0 and at most 1")));
             }
         }
         if !(self.walls.glue_depth.is_finite() && self.walls.glue_depth >= 0.0) {
@@ -155,6 +156,16 @@ impl SpecimenTest {
         }
         if self.stage.is_empty() {
             return Err(DefinitionError("at least one [[stage]] is needed".into()));
+        }
+        let names = || self.stage.iter().map(|stage| &stage.name);
+        if let Some(twice) =
+            names().enumerate().find(|(number, name)| names().take(*number).any(|other| other == *name))
+        {
+            return Err(DefinitionError(format!(
+                "stage {}: there is a stage '{}' before it; give every stage a name of its own",
+                twice.0 + 1,
+                twice.1
+            )));
         }
         if let Some(profile) = &self.profile {
             profile.validate(dimension, &self.stage.iter().map(|stage| stage.name.as_str()).collect::<Vec<_>>())?;

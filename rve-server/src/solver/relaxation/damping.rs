@@ -27,6 +27,9 @@ const MOST_ADAPTIVE: f64 = 1.5;
 /// Viscous coefficient after the last change of damping.
 const PERSISTENT: f64 = 0.2;
 
+/// Mean overlap over mean radius below which a cell is near unjamming: a tenth of that of the stiffest cells in everyday use.
+const NEAR_UNJAMMING: f64 = 1e-5;
+
 /// Changes of damping in a trial, at most.
 pub(crate) const CHANGES: u32 = 3;
 
@@ -41,6 +44,8 @@ pub(crate) struct Damper {
     stops: u32,
     /// Changes of damping in this trial.
     changes: u32,
+    /// Whether kinetic damping comes before adaptive damping.
+    swings_first: bool,
     /// Whether the next kick begins from standstill.
     begins: bool,
 }
@@ -68,6 +73,7 @@ impl Damper {
             positive_steps: 0,
             stops: 0,
             changes: 0,
+            swings_first: false,
             begins: false,
         }
     }
@@ -85,9 +91,9 @@ impl Damper {
         }
         let damping = match self.changes {
             0 => options.damping,
-            1 if options.damping == Damping::Kinetic => Damping::Fire,
-            1 => Damping::Kinetic,
-            2 => Damping::Adaptive,
+            1 | 2 if (self.changes == 1) != self.swings_first => Damping::Adaptive,
+            1 | 2 if options.damping == Damping::Kinetic => Damping::Fire,
+            1 | 2 => Damping::Kinetic,
             // A quarter of the largest stable pseudo-time step squared.
             CHANGES.. => return damped(PERSISTENT, 0.25 * push),
         };
@@ -105,9 +111,14 @@ impl Damper {
         }
     }
 
-    /// Changes the damping, because the relaxation stagnates: first to kinetic damping (or from it to FIRE), which lets the soft modes
-    /// of a cell that hardly bears its load swing through, then to adaptive damping, then to viscous damping and half of the step.
-    pub(crate) fn change(&mut self) {
+    /// Changes the damping, because the relaxation stagnates: to adaptive damping, which ends limit cycles soonest and moves the grains
+    /// least; then to kinetic damping (or from it to FIRE), which lets soft modes swing through; then to viscous damping and half of the
+    /// step. Near unjamming soft modes are all that is left, and kinetic damping comes first. `overlap` is the mean overlap of
+    /// the contacts over the mean radius; that at the first change counts.
+    pub(crate) fn change(&mut self, overlap: f64) {
+        if self.changes == 0 {
+            self.swings_first = overlap < NEAR_UNJAMMING;
+        }
         self.changes += 1;
         self.begins = true;
     }
@@ -178,33 +189,43 @@ mod tests {
         StepSums { power, motion_square: 1.0, scaled_force_square: 1.0, ..StepSums::default() }
     }
 
-    /// The kicks after so many changes of the damping, the first of them from standstill: downhill, then uphill.
-    fn kicks(options: &RveOptions, changes: u32) -> [Kick; 3] {
+    /// The kicks after `changes` changes of the damping in a cell of this overlap, the first of them from standstill: downhill, then uphill.
+    fn kicks(options: &RveOptions, overlap: f64, changes: u32) -> [Kick; 3] {
         let mut damper = Damper::new(0.8);
         for _ in 0..changes {
-            damper.change();
+            damper.change(overlap);
         }
         [moving(1.0), moving(1.0), moving(-1.0)].map(|sums| damper.kick(options, 2.0, &sums, 1.5))
     }
 
     #[test]
-    fn stagnation_changes_the_damping_to_kinetic_then_adaptive_then_viscous() {
+    fn stagnation_changes_the_damping_and_swings_first_near_unjamming() {
         let options = |damping| RveOptions { damping, ..RveOptions::default() };
         let still = Kick { keep: 0.0, push: 0.5 * descent_share(0.8) };
-        let free = Kick { keep: 1.0, push: 0.5 };
-        let stop = Kick { keep: 0.0, push: 0.5 };
+        // The quotient of stiffness in the direction of motion is (1.5 - power) / 2.
+        let adaptive = [still, damped(2.0 * 0.25_f64.sqrt(), 0.5), damped(MOST_ADAPTIVE, 0.5)];
+        let kinetic = [still, Kick { keep: 1.0, push: 0.5 }, Kick { keep: 0.0, push: 0.5 }];
+        let viscous = damped(PERSISTENT, 0.125);
         for damping in [Damping::Fire, Damping::Viscous, Damping::Adaptive, Damping::Local] {
-            assert_eq!(kicks(&options(damping), 1), [still, free, stop], "{damping:?}");
+            let options = options(damping);
+            for (overlap, order) in [(1e-4, [adaptive, kinetic]), (1e-6, [kinetic, adaptive])] {
+                assert_eq!([1, 2].map(|changes| kicks(&options, overlap, changes)), order, "{damping:?} {overlap:e}");
+                assert_eq!(kicks(&options, overlap, CHANGES), [still, viscous, viscous], "{damping:?}");
+            }
         }
         // Kinetic damping gives way to FIRE, which mixes the force into the velocity.
-        let [first, downhill, uphill] = kicks(&options(Damping::Kinetic), 1);
-        assert_eq!((first, uphill), (still, stop));
+        let [first, downhill, uphill] = kicks(&options(Damping::Kinetic), 1e-4, 2);
+        assert_eq!((first, uphill), (still, kinetic[2]));
         assert!(downhill.keep < 1.0 && downhill.push > 0.5, "{downhill:?}");
-        // The quotient of stiffness in the direction of motion is (1.5 - power) / 2.
-        let [first, downhill, uphill] = kicks(&options(Damping::Fire), 2);
-        assert_eq!((first, downhill), (still, damped(2.0 * 0.25_f64.sqrt(), 0.5)));
-        assert_eq!(uphill, damped(MOST_ADAPTIVE, 0.5));
-        let viscous = damped(PERSISTENT, 0.125);
-        assert_eq!(kicks(&options(Damping::Fire), CHANGES), [still, viscous, viscous]);
+    }
+
+    #[test]
+    fn the_order_of_the_first_change_is_kept() {
+        let options = RveOptions::default();
+        let mut damper = Damper::new(0.8);
+        damper.change(1e-6);
+        damper.change(1e-4);
+        damper.kick(&options, 2.0, &moving(1.0), 1.5);
+        assert_eq!(damper.kick(&options, 2.0, &moving(1.0), 1.5), damped(2.0 * 0.25_f64.sqrt(), 0.5));
     }
 }

@@ -22,6 +22,10 @@ const SAFETY: f64 = 0.8;
 /// The same for spheres: with it the full step is a stable descent too, see [`super::damping::descent_share`].
 const SAFETY_OF_SPHERES: f64 = 0.7;
 
+/// Mass of a cell over the stiffness of one of its contacts, roughly: that of the grain which its contacts hold most stiffly, see
+/// [`Run::raise_mass`].
+const STIFFNESS_OF_MASS: f64 = 6.0;
+
 /// The share in force.
 fn safety<S: Space>() -> f64 {
     if S::DIMENSION == 3 { SAFETY_OF_SPHERES } else { SAFETY }
@@ -243,13 +247,18 @@ impl<S: Space> Run<S> {
         }
         let advice = self.monitor.note(self.step, &imbalance, self.sums.normal_force);
         if advice == Advice::Change {
-            self.damper.change();
+            self.damper.change(self.mean_overlap() / setting.mean_radius);
         }
         let is_capped = self.step >= setting.options.max_steps() || advice == Advice::End;
         if self.is_spent(setting) || is_capped && setting.options.at_step_cap == AtStepCap::Refuse {
             return Some(Err(self.gave_up(setting, unbalanced)));
         }
         is_capped.then(|| Ok(self.ended(unbalanced, false, self.sums.contacts > 0.0)))
+    }
+
+    /// Mean overlap of the contacts, m, by the stiffness that the masses were taken from.
+    fn mean_overlap(&self) -> f64 {
+        STIFFNESS_OF_MASS * self.sums.normal_force / (self.sums.contacts.max(1.0) * self.mass)
     }
 
     /// Whether the next step needs the virial for the work on the cell: while that moves.

@@ -369,7 +369,7 @@ fn subtract<const N: usize>(target: &mut [f64; N], factor: f64, values: &[f64; N
     }
 }
 
-/// Subtracts the products of the rows `rights` of a panel from the blocks at their places, several at a time while there are so many:
+/// Subtracts the products of the rows `rights` of a panel from the blocks at their places, several at a time as long as that many are left:
 /// a broadcast weight then serves several sums, and more sums are under way than a multiplication takes cycles.
 #[inline(always)]
 fn subtract_products<const B: usize, const P: usize>(

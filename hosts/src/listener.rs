@@ -1,4 +1,4 @@
-//! The macro's door: a thread that listens, checks who comes, and moves the messages of all agents.
+//! The macro's listener: a thread that listens, checks who comes, and moves the messages of all agents.
 //!
 //! Whoever does not prove to know the secret gets nothing but a failed handshake, costs at most a socket for some seconds, and is
 //! counted. Nothing that a stranger sends is read by more than the TLS library.
@@ -25,10 +25,10 @@ use tokio::time::timeout;
 use tokio_rustls::TlsAcceptor;
 
 /// How long a stranger may take to prove that he is none.
-const PROOF_TIMEOUT: Duration = Duration::from_secs(5);
+const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Connections that may be proving themselves at the same time; more wait in the system's queue.
-const PROVING: usize = 64;
+/// Connections that may be in their handshake at the same time; more wait in the system's queue.
+const MOST_HANDSHAKES: usize = 64;
 
 /// Longest first message.
 const JOIN_LENGTH: usize = 64 << 10;
@@ -36,9 +36,9 @@ const JOIN_LENGTH: usize = 64 << 10;
 /// How long connections may take to close when the run ends.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// How the door of a run decides.
+/// How the listener of a run decides.
 #[derive(Clone, Debug)]
-pub struct DoorOptions {
+pub struct ListenerOptions {
     /// Name of the run.
     pub run: String,
     /// The shared secret.
@@ -59,7 +59,7 @@ pub(crate) enum Arrival {
     Closed(u64, String),
 }
 
-/// An agent as the door hands it over.
+/// An agent as the listener hands it over.
 pub(crate) struct Peer {
     /// Number of the connection.
     pub(crate) number: u64,
@@ -74,15 +74,15 @@ pub(crate) struct Peer {
 }
 
 #[derive(Default)]
-struct Board {
+struct ArrivalQueue {
     arrivals: VecDeque<Arrival>,
     woken: bool,
-    bell: Option<Arc<dyn Waker>>,
+    waker: Option<Arc<dyn Waker>>,
 }
 
-/// Between the door's thread and the port.
+/// Between the listener's thread and the port.
 pub(crate) struct Shared {
-    board: Mutex<Board>,
+    queue: Mutex<ArrivalQueue>,
     changed: Condvar,
     pub(crate) figures: Figures,
     /// Of all connections.
@@ -92,7 +92,7 @@ pub(crate) struct Shared {
 impl Shared {
     fn new() -> Self {
         Self {
-            board: Mutex::default(),
+            queue: Mutex::default(),
             changed: Condvar::new(),
             figures: Figures::default(),
             buffers: Buffers::new(),
@@ -100,49 +100,49 @@ impl Shared {
     }
 
     fn push(&self, arrival: Arrival) {
-        let bell = {
-            let mut board = lock(&self.board);
-            board.arrivals.push_back(arrival);
-            board.bell.clone()
+        let waker = {
+            let mut queue = lock(&self.queue);
+            queue.arrivals.push_back(arrival);
+            queue.waker.clone()
         };
         self.changed.notify_all();
-        if let Some(bell) = bell {
-            bell.wake();
+        if let Some(waker) = waker {
+            waker.wake();
         }
     }
 
     /// From now on arrivals also wake this one.
-    pub(crate) fn ring(&self, bell: Arc<dyn Waker>) {
-        lock(&self.board).bell = Some(bell);
+    pub(crate) fn set_waker(&self, waker: Arc<dyn Waker>) {
+        lock(&self.queue).waker = Some(waker);
     }
 
     /// All arrivals, waiting up to `wait` for the first, and whether somebody called.
     pub(crate) fn take(&self, wait: Duration) -> (VecDeque<Arrival>, bool) {
         let end = Instant::now().checked_add(wait);
-        let mut board = lock(&self.board);
-        while board.arrivals.is_empty() && !board.woken {
+        let mut queue = lock(&self.queue);
+        while queue.arrivals.is_empty() && !queue.woken {
             let left = end.map_or(Duration::from_secs(3600), |end| end.saturating_duration_since(Instant::now()));
             if left.is_zero() {
                 break;
             }
-            board = match self.changed.wait_timeout(board, left) {
-                Ok((board, _)) => board,
+            queue = match self.changed.wait_timeout(queue, left) {
+                Ok((queue, _)) => queue,
                 Err(poisoned) => poisoned.into_inner().0,
             };
         }
-        (std::mem::take(&mut board.arrivals), std::mem::take(&mut board.woken))
+        (std::mem::take(&mut queue.arrivals), std::mem::take(&mut queue.woken))
     }
 }
 
 impl Waker for Shared {
     fn wake(&self) {
-        lock(&self.board).woken = true;
+        lock(&self.queue).woken = true;
         self.changed.notify_all();
     }
 }
 
 /// The thread behind a port.
-pub(crate) struct Door {
+pub(crate) struct AgentListener {
     pub(crate) shared: Arc<Shared>,
     address: SocketAddr,
     /// True: close in good order; false: cut.
@@ -150,12 +150,12 @@ pub(crate) struct Door {
     thread: Option<JoinHandle<()>>,
 }
 
-impl Door {
+impl AgentListener {
     /// Listens at `endpoint`.
     ///
     /// # Errors
     /// The endpoint cannot be listened at, or the system gives no thread.
-    pub(crate) fn open(endpoint: &str, options: DoorOptions) -> Result<Self, TransportError> {
+    pub(crate) fn open(endpoint: &str, options: ListenerOptions) -> Result<Self, TransportError> {
         let channel = |action| move |reason: String| TransportError::Channel { action, reason };
         let system = |action| move |source| TransportError::System { action, source };
         let listening = |source: std::io::Error| TransportError::Channel {
@@ -177,15 +177,15 @@ impl Door {
             .map_err(system("start the network threads"))?;
         let shared = Arc::new(Shared::new());
         let (closing, closed) = watch::channel(None);
-        let hall = Arc::new(Hall {
+        let context = Arc::new(ListenerContext {
             options,
             acceptor: TlsAcceptor::from(acceptor),
-            proving: Arc::new(Semaphore::new(PROVING)),
+            handshaking: Arc::new(Semaphore::new(MOST_HANDSHAKES)),
             shared: Arc::clone(&shared),
         });
         let body = move || {
             // On one of the threads of the runtime: this one would take connections only between two of its own.
-            let listening = runtime.spawn(listen(listener, hall, closed));
+            let listening = runtime.spawn(listen(listener, context, closed));
             // A panic there has been printed by itself.
             let _ = runtime.block_on(listening);
             // Connections whose peers do not answer are cut.
@@ -222,14 +222,14 @@ fn network_threads() -> usize {
 }
 
 /// What all connections share.
-struct Hall {
-    options: DoorOptions,
+struct ListenerContext {
+    options: ListenerOptions,
     acceptor: TlsAcceptor,
-    proving: Arc<Semaphore>,
+    handshaking: Arc<Semaphore>,
     shared: Arc<Shared>,
 }
 
-async fn listen(listener: TcpListener, hall: Arc<Hall>, mut closed: watch::Receiver<Option<bool>>) {
+async fn listen(listener: TcpListener, context: Arc<ListenerContext>, mut closed: watch::Receiver<Option<bool>>) {
     let listener = match tokio::net::TcpListener::from_std(listener) {
         Ok(listener) => listener,
         Err(error) => return tracing::error!(%error, "could not listen for agents"),
@@ -242,12 +242,12 @@ async fn listen(listener: TcpListener, hall: Arc<Hall>, mut closed: watch::Recei
             // Finished ones are taken out, so that the set does not grow with strangers.
             Some(_) = connections.join_next() => {}
             accepted = async {
-                let permit = Arc::clone(&hall.proving).acquire_owned().await;
+                let permit = Arc::clone(&context.handshaking).acquire_owned().await;
                 (listener.accept().await, permit)
             } => match accepted {
                 (Ok((socket, from)), permit) => {
                     number += 1;
-                    connections.spawn(converse(Arc::clone(&hall), socket, from, number, permit.ok()));
+                    connections.spawn(serve_connection(Arc::clone(&context), socket, from, number, permit.ok()));
                 }
                 (Err(error), _) => {
                     // Too many open files, say: the others go on, and this passes.
@@ -265,33 +265,33 @@ async fn listen(listener: TcpListener, hall: Arc<Hall>, mut closed: watch::Recei
 }
 
 /// One connection from its first byte to its last.
-async fn converse(
-    hall: Arc<Hall>,
+async fn serve_connection(
+    context: Arc<ListenerContext>,
     socket: TcpStream,
     from: SocketAddr,
     number: u64,
-    proving: Option<tokio::sync::OwnedSemaphorePermit>,
+    handshaking: Option<tokio::sync::OwnedSemaphorePermit>,
 ) {
-    let (shared, options) = (&hall.shared, &hall.options);
+    let (shared, options) = (&context.shared, &context.options);
     let refuse_stranger = |reason: String| {
         tracing::warn!(%from, reason, "a stranger was refused");
         shared.figures.count(|figures| figures.strangers_refused += 1);
     };
     let proof = async {
         prepare(&socket, &options.limits).map_err(|error| error.to_string())?;
-        let mut stream = hall.acceptor.accept(read_ahead(socket)).await.map_err(|error| error.to_string())?;
+        let mut stream = context.acceptor.accept(read_ahead(socket)).await.map_err(|error| error.to_string())?;
         match read_message(&mut stream, JOIN_LENGTH).await {
             Ok(Some(bytes)) => unpacked::<Join>(&bytes).map(|join| (stream, join)).map_err(|error| error.to_string()),
             Ok(None) => Err("it said nothing".to_owned()),
             Err(error) => Err(error.to_string()),
         }
     };
-    let (mut stream, join) = match timeout(PROOF_TIMEOUT, proof).await {
+    let (mut stream, join) = match timeout(HANDSHAKE_TIMEOUT, proof).await {
         Ok(Ok(proven)) => proven,
         Ok(Err(reason)) => return refuse_stranger(reason),
         Err(_) => return refuse_stranger("it took too long to prove who it is".to_owned()),
     };
-    drop(proving);
+    drop(handshaking);
     let refusal = refusal(&join, options);
     let admission = match &refusal {
         Some(reason) => Admission::Refused { reason: reason.clone() },
@@ -300,7 +300,7 @@ async fn converse(
     if refusal.is_some() {
         shared.figures.count(|figures| figures.agents_refused += 1);
     }
-    let said = timeout(PROOF_TIMEOUT, async {
+    let said = timeout(HANDSHAKE_TIMEOUT, async {
         write_message(&mut stream, &packed(&admission)).await?;
         stream.flush().await
     });
@@ -308,7 +308,7 @@ async fn converse(
     if let Some(reason) = refusal {
         tracing::warn!(%from, host = join.host, reason, "an agent was refused");
         // It may have gone already; else it closes when it has read why.
-        let _ = timeout(PROOF_TIMEOUT, async {
+        let _ = timeout(HANDSHAKE_TIMEOUT, async {
             let _ = stream.shutdown().await;
             let _ = read_message(&mut stream, JOIN_LENGTH).await;
         })
@@ -330,7 +330,7 @@ async fn converse(
 }
 
 /// Why an agent cannot take part, with the remedy.
-fn refusal(join: &Join, options: &DoorOptions) -> Option<String> {
+fn refusal(join: &Join, options: &ListenerOptions) -> Option<String> {
     if join.link != LINK_VERSION || join.protocol != PROTOCOL_VERSION {
         return Some(format!(
             "the agent ({}) speaks versions {} and {}, this run ({}) versions {LINK_VERSION} and {PROTOCOL_VERSION}; start \
@@ -359,7 +359,7 @@ mod tests {
 
     #[test]
     fn other_versions_and_builds_are_refused_with_both_named() {
-        let options = DoorOptions {
+        let options = ListenerOptions {
             run: "test".into(),
             secret: Secret::draw().unwrap(),
             limits: Limits::default(),

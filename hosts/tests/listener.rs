@@ -2,10 +2,10 @@
 
 use bytemuck::Zeroable;
 use hosts::agent::{Agent, AgentEnd, AgentOptions};
-use hosts::{DoorOptions, JoinError, Limits, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
+use hosts::{JoinError, Limits, ListenerOptions, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Outlook, WorkerSupply};
 use protocol::control::{FromWorker, ToWorker};
-use protocol::transport::in_process::{InProcessDoor, channel};
+use protocol::transport::in_process::{InProcessConnector, channel};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, WorkerEvent, WorkerId, WorkerPort};
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{Capabilities, PROTOCOL_VERSION, StateId};
@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 fn listen(program: &str) -> (NetworkMacroPort, Target) {
     let secret = Secret::draw().unwrap();
     let program = program.to_owned();
-    let options = DoorOptions { run: "test".into(), secret: secret.clone(), limits: Limits::default(), program };
+    let options = ListenerOptions { run: "test".into(), secret: secret.clone(), limits: Limits::default(), program };
     let port = NetworkMacroPort::listen("127.0.0.1:0", options).unwrap();
     let target = Target { endpoints: vec![port.address().to_string()], secret };
     (port, target)
@@ -122,9 +122,9 @@ fn an_agent_that_keeps_sending_garbage_is_given_up_and_the_others_go_on() {
 }
 
 /// A worker behind an agent: answers a job with its state and one byte more, but only when told to.
-fn worker(door: &InProcessDoor, answers: Receiver<()>) {
+fn worker(listener: &InProcessConnector, answers: Receiver<()>) {
     // In the thread of the caller, so that workers are numbered in the order in which they are made.
-    let mut port = door.join();
+    let mut port = listener.join();
     port.send_control(&hello("here")).unwrap();
     std::thread::spawn(move || {
         let mut open = true;
@@ -191,9 +191,9 @@ fn agent_with(
     let ((one, first), (two, second)) = (wire(), wire());
     let looked_up = Arc::clone(&place);
     let thread = std::thread::spawn(move || {
-        let (local, door) = channel();
-        worker(&door, first);
-        worker(&door, second);
+        let (local, listener) = channel();
+        worker(&listener, first);
+        worker(&listener, second);
         let options = AgentOptions { limits: Limits::default(), state_bytes, timeout: PATIENCE };
         let target = move || Ok(looked_up.lock().unwrap().clone());
         let mut agent = Agent::new(local, &mut supply, target, options, Interrupt::new());
@@ -271,8 +271,8 @@ fn a_state_that_was_sent_to_a_worker_that_has_just_ended_is_kept_for_the_others(
 #[test]
 fn a_state_that_was_damaged_between_worker_and_agent_goes_no_further() {
     let (mut port, target) = listen(this_program());
-    let (local, door) = channel();
-    let mut broken = door.join();
+    let (local, listener) = channel();
+    let mut broken = listener.join();
     broken.send_control(&hello("here")).unwrap();
     let thread = std::thread::spawn(move || {
         let options = AgentOptions { limits: Limits::default(), state_bytes: 1000, timeout: PATIENCE };
@@ -295,8 +295,8 @@ fn a_state_that_was_damaged_between_worker_and_agent_goes_no_further() {
 /// Agents may be started long before their run, and a worker waits half a minute at most for the answer to its hello.
 #[test]
 fn a_worker_is_welcome_before_the_run_is_found() {
-    let (local, door) = channel();
-    let mut port = door.join();
+    let (local, listener) = channel();
+    let mut port = listener.join();
     port.send_control(&hello("here")).unwrap();
     let interrupt = Interrupt::new();
     let raised = interrupt.clone();
