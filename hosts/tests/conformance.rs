@@ -26,12 +26,12 @@ struct Network;
 impl Channel for Network {
     type Macro = NetworkMacroPort;
     type Worker = NetworkWorkerPort;
-    type AgentListener = Target;
-    fn open() -> (Self::Macro, Self::AgentListener) {
+    type Connector = Target;
+    fn open() -> (Self::Macro, Self::Connector) {
         listen()
     }
-    fn join(listener: &Self::AgentListener) -> Self::Worker {
-        NetworkWorkerPort::join(listener, Limits::default(), PATIENCE).unwrap()
+    fn join(connector: &Self::Connector) -> Self::Worker {
+        NetworkWorkerPort::join(connector, Limits::default(), PATIENCE).unwrap()
     }
     fn send_raw(worker: &mut Self::Worker, bytes: &[u8]) {
         worker.send_raw(bytes).unwrap();
@@ -44,13 +44,13 @@ struct Joined;
 impl Channel for Joined {
     type Macro = JoinedPort<InProcessMacroPort>;
     type Worker = NetworkWorkerPort;
-    type AgentListener = (Target, InProcessConnector);
-    fn open() -> (Self::Macro, Self::AgentListener) {
-        let ((network, target), (here, listener)) = (listen(), channel());
-        (JoinedPort::new(here, Some(network)).transparent(), (target, listener))
+    type Connector = (Target, InProcessConnector);
+    fn open() -> (Self::Macro, Self::Connector) {
+        let ((network, target), (here, connector)) = (listen(), channel());
+        (JoinedPort::new(here, Some(network)).transparent(), (target, connector))
     }
-    fn join(listener: &Self::AgentListener) -> Self::Worker {
-        Network::join(&listener.0)
+    fn join(connector: &Self::Connector) -> Self::Worker {
+        Network::join(&connector.0)
     }
     fn send_raw(worker: &mut Self::Worker, bytes: &[u8]) {
         worker.send_raw(bytes).unwrap();
