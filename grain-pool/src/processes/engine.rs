@@ -30,6 +30,11 @@ impl Engine {
         }
     }
 
+    /// Whether it is an engine inside the program, of periodic cells or of frames.
+    pub fn is_of_this_program(&self) -> bool {
+        self.is_built_in() || BUILT_IN_ENGINES.iter().any(|engine| engine.keyword == self.name)
+    }
+
     /// Whether it is the engine of periodic cells inside the program.
     pub fn is_built_in(&self) -> bool {
         self.name == BUILT_IN_ENGINE || self.name == BUILT_IN_ENGINES[0].keyword

@@ -69,7 +69,7 @@ impl LaunchPlan {
             environment: engine.environment.clone(),
             workers,
             restarts: RESTARTS,
-            join_timeout: if engine.is_built_in() { JOIN_TIMEOUT } else { EXTERNAL_JOIN_TIMEOUT },
+            join_timeout: if engine.is_of_this_program() { JOIN_TIMEOUT } else { EXTERNAL_JOIN_TIMEOUT },
         }
     }
 }
@@ -317,6 +317,23 @@ mod tests {
             restarts,
             join_timeout: JOIN_TIMEOUT,
         }
+    }
+
+    /// Frames are of this program too: a worker of theirs that was stopped before it joined was waited for longer than a run waits for
+    /// workers.
+    #[test]
+    fn engines_of_this_program_have_the_short_time_to_join() {
+        let timeout = |engine: &Engine| LaunchPlan::for_run("run", engine, 1).join_timeout;
+        for engine in rve_server::server::BUILT_IN_ENGINES {
+            assert_eq!(
+                timeout(&Engine::built_in(engine.keyword, "program".into())),
+                JOIN_TIMEOUT,
+                "{}",
+                engine.keyword
+            );
+        }
+        let other = Engine { name: "mine".into(), ..Engine::built_in("periodic", "program".into()) };
+        assert_eq!(timeout(&other), EXTERNAL_JOIN_TIMEOUT);
     }
 
     /// Tends until the supply gives up or 5 s have passed.
