@@ -169,6 +169,9 @@ pub unsafe extern "C" fn grainspan_trial(
             let pool = opened(pool)?;
             (pool, pool.states(slice(states, count, "states")?)?, slice(gradients, 9 * count, "gradients")?)
         };
+        if stresses.is_null() && count > 0 {
+            return Err(Failure::input("`stresses` is a null pointer"));
+        }
         let kind = TangentKind::from_wire(tangent).ok_or_else(|| {
             Failure::input(format!("there is no tangent number {tangent}; 0 is none, 2 the usual one"))
         })?;

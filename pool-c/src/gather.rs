@@ -15,6 +15,24 @@ struct Queue<T, R> {
     is_served: bool,
 }
 
+/// A batch that is being answered. Its end is told to the threads that wait, also where answering it panicked: they go on then, and those
+/// of the batch have no answer.
+#[derive(Debug)]
+struct Batch<'a, T, R> {
+    gather: &'a Gather<T, R>,
+    tickets: Vec<u64>,
+    answers: Vec<R>,
+}
+
+impl<T, R> Drop for Batch<'_, T, R> {
+    fn drop(&mut self) {
+        let mut queue = self.gather.lock();
+        queue.answered.extend(self.tickets.drain(..).zip(self.answers.drain(..)));
+        queue.is_served = false;
+        self.gather.changed.notify_all();
+    }
+}
+
 /// Where threads bring their calls; one of them answers for all.
 #[derive(Debug)]
 pub(crate) struct Gather<T, R> {
@@ -29,7 +47,8 @@ impl<T, R> Gather<T, R> {
         Self { queue: Mutex::new(queue), changed: Condvar::new() }
     }
 
-    /// The answer to a call. `serve` answers a batch, one answer for each call in order; it must not panic. `None` if it has given too few.
+    /// The answer to a call. `serve` answers a batch, one answer for each call in order. `None` if it has given too few. Where it panics, so
+    /// does the thread that it answers for, and the others of the batch have no answer.
     pub(crate) fn call(&self, call: T, serve: impl Fn(&[T]) -> Vec<R>) -> Option<R> {
         let mut queue = self.lock();
         let ticket = queue.tickets;
@@ -50,11 +69,10 @@ impl<T, R> Gather<T, R> {
             queue.is_served = true;
             let (tickets, calls): (Vec<u64>, Vec<T>) = std::mem::take(&mut queue.waiting).into_iter().unzip();
             drop(queue);
-            let answers = serve(&calls);
+            let mut batch = Batch { gather: self, tickets, answers: Vec::new() };
+            batch.answers = serve(&calls);
+            drop(batch);
             queue = self.lock();
-            queue.answered.extend(tickets.into_iter().zip(answers));
-            queue.is_served = false;
-            self.changed.notify_all();
         }
     }
 
@@ -90,6 +108,32 @@ mod tests {
             }
         });
         assert!(largest.load(Ordering::Relaxed) > 1);
+    }
+
+    /// What answers a batch may panic, which hosts catch: calls after it waited for its end without end.
+    #[test]
+    fn a_batch_that_panics_ends_and_others_go_on() {
+        let gather = Gather::<u8, u8>::new();
+        let (sender, answers) = std::sync::mpsc::channel();
+        std::thread::scope(|scope| {
+            let (gather, first) = (&gather, sender.clone());
+            scope.spawn(move || {
+                let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+                    gather.call(1, |_| {
+                        std::thread::sleep(Duration::from_millis(20));
+                        panic!("a defect")
+                    })
+                }));
+                first.send(panicked.is_err()).unwrap();
+            });
+            scope.spawn(move || {
+                std::thread::sleep(Duration::from_millis(5));
+                sender.send(gather.call(2, <[u8]>::to_vec) == Some(2)).unwrap();
+            });
+            for _ in 0..2 {
+                assert_eq!(answers.recv_timeout(Duration::from_secs(10)), Ok(true));
+            }
+        });
     }
 
     #[test]

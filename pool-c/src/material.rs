@@ -129,19 +129,19 @@ fn named(name: &str) -> Result<String, Failure> {
     optional(name)?.ok_or_else(|| Failure::input(format!("the environment variable {name} is not set")))
 }
 
-/// A whole number from an environment variable, 0 without it.
+/// A whole number from an environment variable, if it is set.
 ///
 /// # Errors
 /// It is no whole number.
-fn number<T: FromStr + Default>(name: &str) -> Result<T, Failure> {
-    let Some(text) = optional(name)? else { return Ok(T::default()) };
+fn number<T: FromStr>(name: &str) -> Result<Option<T>, Failure> {
+    let Some(text) = optional(name)? else { return Ok(None) };
     let wrong =
         |_| Failure::input(format!("{name} = \"{text}\" is not a whole number; unset it for the usual choice"));
-    text.trim().parse().map_err(wrong)
+    text.trim().parse().map(Some).map_err(wrong)
 }
 
 fn open() -> Result<Material, Failure> {
-    let ramp_steps = number(RAMP_STEPS)?;
+    let ramp_steps = number(RAMP_STEPS)?.unwrap_or(0);
     let strains = match optional(STRAINS)?.as_deref() {
         None | Some("finite") => Strains::Finite,
         Some("lagrange") => Strains::Lagrange,
@@ -153,12 +153,15 @@ fn open() -> Result<Material, Failure> {
         }
     };
     let tangent = match number(TANGENT)? {
-        0 => TangentKind::TrussLikeSlip,
-        other => TangentKind::from_wire(other).ok_or_else(|| {
-            Failure::input(format!("{TANGENT} = {other} is no tangent operator; unset it for the usual one, 2"))
-        })?,
+        None => TangentKind::TrussLikeSlip,
+        // Hosts need a tangent, so that "none" is no choice.
+        Some(other) => {
+            TangentKind::from_wire(other).filter(|tangent| *tangent != TangentKind::None).ok_or_else(|| {
+                Failure::input(format!("{TANGENT} = {other} is no tangent operator; unset it for the usual one, 2"))
+            })?
+        }
     };
-    let pool = GrainspanPool::open(&named(PROGRAM)?, &[named(CELL)?], number(WORKERS)?)?;
+    let pool = GrainspanPool::open(&named(PROGRAM)?, &[named(CELL)?], number(WORKERS)?.unwrap_or(0))?;
     Ok(Material { pool: pool.pool, calls: Gather::new(), ramp_steps, strains, tangent })
 }
 

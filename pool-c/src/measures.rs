@@ -266,7 +266,7 @@ pub(super) mod closed_law {
     }
 
     pub(crate) fn flat(tensor: &Matrix) -> Tensor2 {
-        Tensor2(std::array::from_fn(|place| tensor[place / 3][place % 3]))
+        Tensor2::from_rows(tensor)
     }
 
     /// Change of the Cauchy stress with a further deformation gradient, by central differences.

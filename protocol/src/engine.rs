@@ -157,7 +157,8 @@ impl TrialFlags {
     pub const NO_LOAD_BEARING_CONTACTS: Self = Self(16);
     /// The result equals the committed state because the target was exactly zero; nothing was solved.
     pub const SKIPPED_NULL_TARGET: Self = Self(32);
-    /// The relaxation made no headway and went on with another damping. The answer is as good as any other unless [`NOT_EQUILIBRATED`](Self::NOT_EQUILIBRATED) is set too.
+    /// The relaxation made no headway and went on with another damping. The answer is as good as any other unless
+    /// [`NOT_EQUILIBRATED`](Self::NOT_EQUILIBRATED) is set too.
     pub const DAMPING_CHANGED: Self = Self(64);
     /// The event-driven solver answered by the stored linear response of the state: no contact changed its mode.
     pub const ELASTIC_INCREMENT: Self = Self(128);

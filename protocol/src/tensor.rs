@@ -24,6 +24,11 @@ impl Tensor2 {
         full
     }
 
+    /// The tensor with these rows.
+    pub fn from_rows(rows: &[[f64; 3]; 3]) -> Self {
+        Self(std::array::from_fn(|place| rows[place / 3][place % 3]))
+    }
+
     /// The upper left 2x2 block `[[xx, xy], [yx, yy]]`.
     pub fn plane(&self) -> [[f64; 2]; 2] {
         [[self.0[0], self.0[1]], [self.0[3], self.0[4]]]

@@ -132,6 +132,7 @@ impl Pool {
             ("rve_s", found.rve_s),
             ("tangent_s", found.tangent_s),
             ("transport_s", found.transport_s),
+            ("macro_transport_s", found.macro_transport_s),
             ("idle_s", found.idle_s),
         ])
     }

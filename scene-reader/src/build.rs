@@ -17,7 +17,7 @@ use super::recording::{observables, plot, points};
 use super::remarks::remarks_on;
 use super::sets::Sets;
 use super::solving::equations;
-use super::stages::{Given, stages as read_stages};
+use super::stages::{Given, Stages, stages as read_stages};
 use super::supervision::PoolPlan;
 use super::tables::{PoolRunKeys, SceneFile};
 use crate::FRAME_ENGINE;
@@ -124,9 +124,9 @@ impl Scene {
             cell_dimension: materials.cell_dimension(),
             error: error_of_stresses(&document, &file),
         };
-        let (mut stages, outputs) = read_stages(&document, &sets, &file, &given)?;
+        let Stages { mut stages, outputs, places } = read_stages(&document, &sets, &file, &given)?;
         let without_error = if keeps_default_error {
-            read_stages(&document, &sets, &file, &Given { error: None, ..given })?.0
+            read_stages(&document, &sets, &file, &Given { error: None, ..given })?.stages
         } else {
             Vec::new()
         };
@@ -144,8 +144,8 @@ impl Scene {
         problem.strain_per_step = materials.definitions[0].options().strain_per_step();
         let error_estimate = error_estimate(&document, &file)?;
         problem.error_control = error_control(materials.definitions[0].options());
-        problem.validate().map_err(|error| problem_error(&document, &error))?;
-        find_equilibrium(&document, &file.initial_stress, &mut problem)?;
+        problem.validate().map_err(|error| problem_error(&document, &places, &error))?;
+        find_equilibrium(&document, &places, &file.initial_stress, &mut problem)?;
         let grains = points(&document, &file.output.grains, problem.point_count())?;
         let record = RecordPlan {
             probes,
@@ -169,6 +169,7 @@ impl Scene {
         let pool = PoolPlan::new(&file.pool, &keys, file.economy.duplicate_trials);
         let mut remarks = document.warnings().to_vec();
         remarks.extend(remarks_on(&problem));
+        remarks.extend(narrow_cells(&materials));
         let scene = Self {
             name,
             document,
@@ -224,6 +225,13 @@ impl Scene {
             stage.tolerances = *tolerances;
         }
     }
+}
+
+/// What is to be known about the shapes of the cells, each once.
+fn narrow_cells(materials: &Materials) -> Vec<String> {
+    let mut told: Vec<String> = materials.definitions.iter().filter_map(AnyDefinition::narrow_cell).collect();
+    told.dedup();
+    told
 }
 
 /// Most characters of the name of a run, which becomes a part of names of files and of shared memory.

@@ -14,6 +14,10 @@ use super::tables::{
 };
 use keys::Located;
 use macro_solver::problem::{Amplitude, Applied, Condition, Moment, Origin, Rate, RateHistory};
+use std::ops::Range;
+
+/// Where each condition of a stage is written, in the order in which the solver gets them.
+pub(super) type ConditionPlaces = Vec<Range<usize>>;
 
 /// The tables of one place, the top of the scene or a stage.
 pub(super) struct ConditionTables<'a> {
@@ -96,6 +100,8 @@ struct Acting {
     table: Table,
     name: String,
     applied: Applied,
+    /// Where it is written: its set.
+    place: Range<usize>,
 }
 
 /// The conditions of the stage under construction.
@@ -106,6 +112,11 @@ impl Conditions {
     /// What the solver gets.
     pub(super) fn applied(&self) -> Vec<Applied> {
         self.0.iter().map(|acting| acting.applied.clone()).collect()
+    }
+
+    /// Where each of [`Conditions::applied`] is written.
+    pub(super) fn places(&self) -> ConditionPlaces {
+        self.0.iter().map(|acting| acting.place.clone()).collect()
     }
 
     /// Ends a stage of this duration, s: everything stays as it is then.
@@ -249,7 +260,7 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
     let mut found = Vec::new();
     let mut push = |table, name: &Option<String>, set: &Located<String>, applied| {
         let name = name.as_ref().unwrap_or(set.get_ref()).clone();
-        found.push(Acting { table, name, applied });
+        found.push(Acting { table, name, applied, place: set.span() });
     };
     for boundary in tables.boundary.iter().map(Located::get_ref) {
         let (components, rate) = prescribed(document, boundary)?;
@@ -293,7 +304,12 @@ fn read(document: &Document, sets: &Sets<'_>, tables: &ConditionTables<'_>) -> R
         push(Table::Friction, &friction.name, &friction.set, applied);
     }
     let linked = multi_point_constraints(document, sets, &tables.constraints)?.into_iter();
-    found.extend(linked.map(|(name, applied)| Acting { table: Table::Linked, name, applied }));
+    found.extend(linked.map(|link| Acting {
+        table: Table::Linked,
+        name: link.name,
+        applied: link.applied,
+        place: link.place,
+    }));
     Ok(found)
 }
 

@@ -1,5 +1,6 @@
 //! `[initial_stress]`: what the stress of the packings should be at their places, and how well it has to be met.
 
+use super::conditions::ConditionPlaces;
 use super::document::Document;
 use super::input_error::InputError;
 use super::place::place_text;
@@ -59,12 +60,13 @@ pub(super) fn initial_state(document: &Document, table: &InitialStressTable) -> 
 /// Loads that friction does not bear, or supports that leave the body free.
 pub(super) fn find_equilibrium(
     document: &Document,
+    places: &[ConditionPlaces],
     table: &InitialStressTable,
     problem: &mut Problem,
 ) -> Result<(), InputError> {
     let Some(settings) = &table.equilibrium else { return Ok(()) };
     let found = equilibrium_stress(problem, settings).map_err(|error| match error {
-        EquilibriumError::Problem(error) => problem_error(document, &error),
+        EquilibriumError::Problem(error) => problem_error(document, places, &error),
         EquilibriumError::NotFound(reason) => document
             .error_at_key(
                 &["initial_stress", "equilibrium"],

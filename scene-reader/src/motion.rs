@@ -79,3 +79,34 @@ fn check_sets(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Scene;
+    use macro_solver::problem::dynamics::{InitialVelocity, Reporting};
+    use std::path::Path;
+
+    fn settings(more: &[&str]) -> Result<DynamicSettings, String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/shear-column.toml");
+        let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
+        let scene = Scene::load(&path, &overrides).map_err(|error| error.to_string())?;
+        match &scene.problem.stages[0].procedure {
+            Procedure::Dynamic(settings) => Ok((**settings).clone()),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn velocities_at_the_start_and_reports_are_read() {
+        let thrown = "dynamics.initial_velocity=[{ set = 'top', value = { x = 1e-3 } }]";
+        let velocity = InitialVelocity { nodes: "top".to_owned(), value: [1e-3, 0.0, 0.0] };
+        assert_eq!(settings(&[thrown]).unwrap().initial_velocities, [velocity]);
+        let error = settings(&[&thrown.replace("top", "nowhere")]).unwrap_err();
+        assert!(error.contains("--set dynamics.initial_velocity=") && error.contains("nowhere"), "{error}");
+        let reporting = |key: &str| settings(&[key]).map(|settings| settings.reporting);
+        assert_eq!(reporting("dynamics.output_interval=1e-3"), Ok(Reporting::Interval(1e-3)));
+        let error = reporting("dynamics.output_steps=0").unwrap_err();
+        assert!(error.contains("output_steps"), "{error}");
+    }
+}

@@ -25,6 +25,7 @@ pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
     for stage in &problem.stages {
         remarks.extend(averages_of_nothing(problem, stage));
         remarks.extend(turns_between_steps(problem, stage));
+        remarks.extend(absorbing_sides_that_are_held(problem, stage));
     }
     let mut told = Vec::new();
     for remark in remarks {
@@ -124,6 +125,29 @@ fn averages_of_nothing(problem: &Problem, stage: &Stage) -> Option<String> {
             settings.radius
         )
     })
+}
+
+/// Absorbing sides whose motion is given: it reflects waves, whatever dampers there do.
+fn absorbing_sides_that_are_held(problem: &Problem, stage: &Stage) -> Vec<String> {
+    let Procedure::Dynamic(settings) = &stage.procedure else { return Vec::new() };
+    let (Ok(prescribed), dimension) = (problem.prescribed_displacements(stage), problem.mesh.dimension.count())
+    else {
+        return Vec::new();
+    };
+    let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
+    let is_held = |set: &String| {
+        let nodes = problem.sides(set).unwrap_or_default().iter().flat_map(|side| problem.mesh.side_nodes(*side));
+        let mut components = nodes.flat_map(|node| dimension * node..dimension * (node + 1));
+        components.all(|component| prescribed[component].is_some())
+    };
+    let held = settings.absorbing.iter().filter(|set| is_held(set));
+    held.map(|set| {
+        format!(
+            "{of_stage}dynamics.absorbing has no effect on '{set}', where all displacements are given, so that waves are reflected; release \
+             them, or take another side"
+        )
+    })
+    .collect()
 }
 
 /// Histories whose extremes lie where no step ends.
@@ -241,5 +265,19 @@ mod tests {
         assert_eq!(remarks(&[formulation, "nonlocal.radius=0.03"]), Vec::<String>::new());
         let small = remarks(&[formulation, "nonlocal.radius=0.01"]);
         assert!(small.len() == 1 && small[0].contains("nothing is averaged"), "{small:?}");
+    }
+
+    /// Dampers there did nothing but change the account of the energy.
+    #[test]
+    fn absorbing_sides_that_are_held_are_told() {
+        let told = |more: &[&str]| {
+            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/shear-column.toml");
+            let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();
+            let remarks = crate::Scene::load(&path, &overrides).unwrap().remarks;
+            remarks.iter().any(|remark| remark.contains("dynamics.absorbing has no effect on 'top'"))
+        };
+        assert!(!told(&["dynamics.absorbing=['top']"]));
+        let held = "boundary.1={ set = 'top', displacement = { x = 0.0, y = 0.0 } }";
+        assert!(told(&["dynamics.absorbing=['top']", held]));
     }
 }

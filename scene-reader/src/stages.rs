@@ -1,7 +1,7 @@
 //! `[[stage]]` tables become the stages of the problem. Tables at the top of the scene hold for all stages; without any
 //! `[[stage]]` they are the one stage that there is.
 
-use super::conditions::{ConditionTables, Conditions};
+use super::conditions::{ConditionPlaces, ConditionTables, Conditions};
 use super::document::Document;
 use super::input_error::InputError;
 use super::materials::Densities;
@@ -26,7 +26,17 @@ pub(super) struct Given<'a> {
     pub(super) error: Option<f64>,
 }
 
-/// The stages of a scene and what is written of each.
+/// The stages of a scene.
+pub(super) struct Stages {
+    /// What the solver solves.
+    pub(super) stages: Vec<Stage>,
+    /// What is written of each.
+    pub(super) outputs: Vec<StageOutput>,
+    /// Where the conditions of each are written.
+    pub(super) places: Vec<ConditionPlaces>,
+}
+
+/// Reads the stages of a scene.
 ///
 /// # Errors
 /// The first key that is wrong, with its place.
@@ -35,7 +45,7 @@ pub(super) fn stages(
     sets: &Sets<'_>,
     file: &SceneFile,
     given: &Given<'_>,
-) -> Result<(Vec<Stage>, Vec<StageOutput>), InputError> {
+) -> Result<Stages, InputError> {
     let top = MotionTables { place: &[], dynamics: &file.dynamics, relaxation: &file.relaxation };
     let solved = |keyword: Option<ProcedureKeyword>, tables: &[MotionTables<'_>]| {
         procedure(document, sets, keyword.unwrap_or(file.procedure), tables, given.densities)
@@ -44,7 +54,7 @@ pub(super) fn stages(
     conditions.add(document, sets, &ConditionTables::from(file))?;
     let base = |procedure, own| base(document, file, given, procedure, own);
     let mut stages: Vec<Stage> = Vec::new();
-    let mut outputs = Vec::new();
+    let (mut outputs, mut places) = (Vec::new(), Vec::new());
     for table in &file.stage {
         let number = stages.len().to_string();
         let name = name(document, &table.get_ref().name, &stages)?;
@@ -65,6 +75,7 @@ pub(super) fn stages(
         stabilise_soon(&mut stage, &[&file.loading, &table.loading]);
         refuse_unused(document, &place, &[&stage.procedure])?;
         stages.push(stage);
+        places.push(conditions.places());
         let fields_every = table.output.fields_every.unwrap_or(file.output.fields_every);
         outputs.push(StageOutput { name, fields_every });
     }
@@ -74,6 +85,7 @@ pub(super) fn stages(
         stage.nonlocal = nonlocal(document, &[(&[], &file.nonlocal)])?;
         stabilise_soon(&mut stage, &[&file.loading]);
         stages.push(stage);
+        places.push(conditions.places());
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
     }
     refuse_unused(document, &[], &stages.iter().map(|stage| &stage.procedure).collect::<Vec<_>>())?;
@@ -83,7 +95,7 @@ pub(super) fn stages(
             .error("the scene has neither supports nor loads")
             .hint("add at least one [[boundary]] with set and displacement"));
     }
-    Ok((stages, outputs))
+    Ok(Stages { stages, outputs, places })
 }
 
 /// Refuses a stage after one whose load factor is an unknown: what its loads have reached is not known when the scene is read.

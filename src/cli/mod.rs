@@ -13,7 +13,6 @@ mod estimate;
 mod explain;
 mod failure_case;
 mod force_distribution;
-mod heartbeat;
 mod pack;
 mod report;
 mod reproduce;
@@ -27,6 +26,7 @@ mod status;
 mod study;
 mod sweep;
 mod verification;
+mod waiting_progress;
 mod watch;
 
 use crate::stderr::tell;

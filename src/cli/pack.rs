@@ -1,6 +1,6 @@
 //! `grainspan pack PACKING.toml`: prepares a packing and reports its quality.
 
-use super::heartbeat::Heartbeat;
+use super::waiting_progress::WaitingProgress;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
@@ -46,12 +46,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         return Err(document.error_at_key(&["contact"], problem).hint(remedy).into());
     }
     expect_place(arguments.out.as_deref(), &[&arguments.recipe])?;
-    let heartbeat = Heartbeat::start(arguments.quiet);
-    let made = generate_any(&recipe, &mut |progress| heartbeat.set(stage(progress)));
-    drop(heartbeat);
+    let progress_line = WaitingProgress::start(arguments.quiet);
+    let made = generate_any(&recipe, &mut |progress| progress_line.set(stage(progress)));
+    drop(progress_line);
     let (packing, report) = made.map_err(|error| {
         let text = format!("{}: {error}", arguments.recipe.display());
-        let hint = "try another seed, more grains or a looser tolerance; for large overlaps a larger modulus or a smaller thickness";
+        let thickness = if recipe.dimension == 2 { " or a smaller thickness" } else { "" };
+        let hint = format!(
+            "try another seed, more grains, a narrower grading or a looser tolerance; for large overlaps a larger modulus{thickness}"
+        );
         Failure::new(Exit::NotConverged, format!("{text}\nhint: {hint}"))
     })?;
     let text = match &packing {
@@ -59,6 +62,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Packing::Spheres(packing) => packing.to_json(),
     };
     deliver(arguments.out.as_deref(), text.as_bytes())?;
+    if let Some(remark) = packing.narrow_cell() {
+        tell(format_args!("warning: {remark}"));
+    }
     if !arguments.quiet {
         tell(summary(&recipe, &report).trim_end());
     }

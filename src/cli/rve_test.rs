@@ -2,8 +2,8 @@
 
 use super::cell_files::write_all;
 use super::failure_case;
-use super::heartbeat::Heartbeat;
 use super::sweep::{self, Common, Sweep};
+use super::waiting_progress::WaitingProgress;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place, print};
@@ -101,10 +101,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     crate::exit::warn(&document);
     document.expect(Kind::ElementTest)?;
     let (test, packing) = read_element_test(&document)?;
+    if let Some(remark) = packing.narrow_cell() {
+        tell(format_args!("warning: {remark}"));
+    }
     expect_place(arguments.out.as_deref(), &[path, &document.resolve(Path::new(&test.packing))])?;
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
-    let heartbeat = Heartbeat::start(arguments.quiet);
+    let progress_line = WaitingProgress::start(arguments.quiet);
     let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
     let requests = RowRequests {
         tangent: arguments.tangent,
@@ -113,16 +116,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     let interrupt = SignalWatch::flag("the present increment is the last")?;
     let mut done = 0;
-    heartbeat.set(format!("row 0 of {expected}"));
+    progress_line.set(format!("row 0 of {expected}"));
     let ended = run_element_on(&test, packing, requests, &mut |row| {
         rows.add(row);
         rows.draw(row, arguments.contacts.as_deref());
         done += 1;
-        heartbeat.set(format!("row {done} of {expected}"));
+        progress_line.set(format!("row {done} of {expected}"));
         let is_over = interrupt.is_raised() || rows.failure.is_some();
         if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    drop(heartbeat);
+    drop(progress_line);
     rows.finish(arguments.out.as_deref())?;
     match ended {
         Ok(summary) => {

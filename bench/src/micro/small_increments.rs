@@ -17,7 +17,7 @@ use rve_server::cell::GrainState;
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, GrainModel, PackingFile, RveOptions, SolverName};
 use rve_server::engine::GrainRve;
-use rve_server::solver::{Course, SolveJob, SolverFor};
+use rve_server::solver::{AnsweredBy, SolveJob, SolverFor};
 use rve_server::space::Discs;
 use rve_server::tangent::network::NetworkResponses;
 use std::path::Path;
@@ -56,7 +56,7 @@ struct Driven {
     stresses: Vec<Plane>,
     state: GrainState,
     evaluations: u64,
-    courses: [usize; 3],
+    counts: [usize; 3],
 }
 
 impl Cell<'_> {
@@ -71,7 +71,7 @@ impl Cell<'_> {
         let model = GrainModel::new(&definition)?;
         let mut solver = Discs::solver(definition.options.solver, &definition.contact)?;
         solver.use_responses(Box::new(NetworkResponses::default()));
-        let mut driven = Driven { stresses: Vec::new(), state: start.clone(), evaluations: 0, courses: [0; 3] };
+        let mut driven = Driven { stresses: Vec::new(), state: start.clone(), evaluations: 0, counts: [0; 3] };
         for strain in path {
             let ramp_steps = ramp_steps(&definition.options, strain);
             let end = solver.solve_one(
@@ -79,10 +79,10 @@ impl Cell<'_> {
                 SolveJob { state: &driven.state, strain: *strain, ramp_steps, counts_work: false },
             )?;
             driven.evaluations += end.solved.force_evaluations;
-            for (count, course) in
-                driven.courses.iter_mut().zip([Course::Elastic, Course::Events, Course::HandedOver])
+            for (count, answered_by) in
+                driven.counts.iter_mut().zip([AnsweredBy::Elastic, AnsweredBy::Events, AnsweredBy::HandedOver])
             {
-                *count += usize::from(end.solved.course == course);
+                *count += usize::from(end.solved.answered_by == answered_by);
             }
             driven.stresses.push(solver.network(&model, &end).stress());
             driven.state = end.state;
@@ -154,7 +154,7 @@ fn measure(name: &str) -> anyhow::Result<()> {
                 // The machine may do other work.
                 let seconds = times.into_iter().fold(f64::INFINITY, f64::min);
                 let driven = cell.driven(options, start, &path)?;
-                let [elastic, events, handed_over] = driven.courses;
+                let [elastic, events, handed_over] = driven.counts;
                 println!(
                     "| {} | {history} | {kind} | {solver} | {:.1} | {:.0} | {:.1e} | {elastic} / {events} / {handed_over} |",
                     Path::new(name).file_stem().context("the packing has a name")?.to_string_lossy(),

@@ -172,6 +172,7 @@ fn summary(all: &[(&Variant, &StrategyRun)], points: f64) -> Table {
         "reached_%",
         "peak_ratio",
         "wall_s",
+        "processor_s",
         "end",
     ]);
     for (variant, result) in all {
@@ -199,6 +200,7 @@ fn summary(all: &[(&Variant, &StrategyRun)], points: f64) -> Table {
             (100.0 * result.run.load).into(),
             result.steps.iter().map(|step| step.ratio).fold(f64::NAN, f64::max).into(),
             result.wall.into(),
+            result.processor.into(),
             result.end().into(),
         ]);
     }

@@ -1,5 +1,6 @@
 //! One problem solved on grains, with workers in this process.
 
+use crate::workers::processor_seconds;
 use anyhow::Context;
 use macro_solver::material::PointMaterial;
 use macro_solver::material::error_estimate::{ErrorEstimateSettings, ErrorEstimator, SamplePlan, sample};
@@ -31,6 +32,8 @@ pub(crate) struct StrategyRun {
     pub(crate) increments: usize,
     /// Wall time, s.
     pub(crate) wall: f64,
+    /// Processor time of the solver and of the worker, s: other work on the machine does not count.
+    pub(crate) processor: f64,
     /// How it ended, with the solver's counts.
     pub(crate) run: Run,
 }
@@ -157,7 +160,11 @@ fn solve_with(
     let (port, connector) = channel();
     std::thread::scope(|scope| {
         let mut worker = connector.join();
-        let served = scope.spawn(move || serve(&mut GrainEngine, &mut worker, &ServeOptions::new("newton")));
+        let served = scope.spawn(move || {
+            let reason = serve(&mut GrainEngine, &mut worker, &ServeOptions::new("newton"));
+            reason.map(|_| processor_seconds("thread-self"))
+        });
+        let before = processor_seconds("thread-self");
         // As in a run: enough trials at a time for the lanes.
         let settings = PoolSettings { jobs_per_message: JOBS_A_MESSAGE, ..PoolSettings::new("newton") };
         let supply = Box::new(JoiningWorkers);
@@ -170,12 +177,13 @@ fn solve_with(
         let PoolStatistics { solved: computed, .. } = pool.statistics();
         pool.close();
         drop(pool);
-        served.join().map_err(|_| anyhow::anyhow!("a worker panicked"))??;
+        let worker = served.join().map_err(|_| anyhow::anyhow!("a worker panicked"))??;
         Ok(StrategyRun {
             steps: recorder.steps,
             computed,
             increments: problem.stages[0].control.increments,
             wall,
+            processor: worker + processor_seconds("thread-self") - before,
             run,
         })
     })

@@ -1,6 +1,6 @@
 //! How the workers of one engine are started.
 
-use rve_server::server::BUILT_IN_ENGINES;
+use rve_server::server::{BUILT_IN_ENGINES, built_in_engine};
 use scene_reader::BUILT_IN_ENGINE;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -32,7 +32,7 @@ impl Engine {
 
     /// Whether it is an engine inside the program, of periodic cells or of frames.
     pub fn is_of_this_program(&self) -> bool {
-        self.is_built_in() || BUILT_IN_ENGINES.iter().any(|engine| engine.keyword == self.name)
+        built_in_engine(&self.name).is_some()
     }
 
     /// Whether it is the engine of periodic cells inside the program.

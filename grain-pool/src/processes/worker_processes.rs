@@ -5,6 +5,7 @@ use super::launch::launched;
 use super::restart_backoff::RestartBackoff;
 use super::stderr_tail::StderrTail;
 use macro_solver::pool::{Interrupt, Outlook, WorkerSupply};
+use protocol::process::ProcessStat;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io;
@@ -25,7 +26,11 @@ const LEAVE_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long a worker may take to join: a machine with a hundred starting workers on one core needs seconds.
 const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// The same for engines outside this program: some load an interpreter and half a gigabyte of libraries.
+/// How long a worker that has not joined may be stopped (SIGSTOP, a debugger), as one with work may by default: until it has joined, nothing
+/// else would notice.
+const STOPPED_LIMIT: Duration = Duration::from_secs(5);
+
+/// The same as [`JOIN_TIMEOUT`] for engines outside this program: some load an interpreter and half a gigabyte of libraries.
 const EXTERNAL_JOIN_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Consecutive replacements that may end before they have completed a job.
@@ -80,8 +85,23 @@ struct WorkerChild {
     stderr: StderrTail,
     started: Instant,
     joined: bool,
+    /// Since when it has been seen to be stopped, before it joined.
+    stopped_since: Option<Instant>,
     /// Set when it has signed off: until when it may take to end.
     leaving: Option<Instant>,
+}
+
+impl WorkerChild {
+    /// Whether it has had its time to join, or has been stopped meanwhile for so long that it will hardly go on.
+    fn is_late(&mut self, join_timeout: Duration) -> bool {
+        if self.joined {
+            return false;
+        }
+        let is_stopped = ProcessStat::of(self.child.id()).is_some_and(|stat| stat.is_stopped());
+        self.stopped_since = is_stopped.then(|| self.stopped_since.unwrap_or_else(Instant::now));
+        self.started.elapsed() > join_timeout
+            || self.stopped_since.is_some_and(|since| since.elapsed() > STOPPED_LIMIT)
+    }
 }
 
 /// Starts, watches and replaces worker processes.
@@ -142,6 +162,7 @@ impl WorkerProcesses {
             stderr: tail,
             started: Instant::now(),
             joined: false,
+            stopped_since: None,
             leaving: None,
         });
         Ok(())
@@ -174,8 +195,7 @@ impl WorkerProcesses {
             if one.joined && one.leaving.is_none() {
                 continue;
             }
-            let late = !one.joined && one.started.elapsed() > self.plan.join_timeout;
-            if late || one.leaving.is_some_and(|end| end <= Instant::now()) {
+            if one.is_late(self.plan.join_timeout) || one.leaving.is_some_and(|end| end <= Instant::now()) {
                 let _ = one.child.kill();
             }
             if let Ok(Some(status)) = one.child.try_wait() {
@@ -319,8 +339,24 @@ mod tests {
         }
     }
 
-    /// Frames are of this program too: a worker of theirs that was stopped before it joined was waited for longer than a run waits for
-    /// workers.
+    /// A worker of any engine that was stopped before it joined was waited for until it was late, in runs with engines outside this program
+    /// for longer than a run waits for workers.
+    #[test]
+    fn a_worker_that_is_stopped_before_it_joins_is_replaced() {
+        let plan = LaunchPlan { join_timeout: EXTERNAL_JOIN_TIMEOUT, ..shell("kill -STOP $$; exec sleep 100", 1, 0) };
+        let mut processes = WorkerProcesses::start(plan, &Interrupt::new()).unwrap();
+        let begin = Instant::now();
+        let reason = loop {
+            match processes.tend() {
+                Outlook::Exhausted(reason) => break reason,
+                Outlook::Expected { check_again } => std::thread::sleep(check_again),
+            }
+            assert!(begin.elapsed() < 3 * STOPPED_LIMIT, "it is waited for");
+        };
+        assert!(begin.elapsed() > STOPPED_LIMIT && reason.contains("SIGKILL"), "{reason}");
+    }
+
+    /// Frames are of this program too.
     #[test]
     fn engines_of_this_program_have_the_short_time_to_join() {
         let timeout = |engine: &Engine| LaunchPlan::for_run("run", engine, 1).join_timeout;

@@ -145,7 +145,8 @@ impl Members {
         }
     }
 
-    /// Workers that have owed replies of an earlier connection for longer than `limit`; each is named once.
+    /// Workers that have owed replies of an earlier connection for longer than `limit`; one that goes on owing is named
+    /// again after as long.
     pub(super) fn overdue(&mut self, now: Instant, limit: Duration) -> Vec<WorkerId> {
         let overdue = |since: Instant| now.saturating_duration_since(since) > limit;
         let mut found = Vec::new();

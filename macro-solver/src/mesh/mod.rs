@@ -225,7 +225,8 @@ pub enum MeshError {
     },
     /// A ring needs a hole, and enough elements around it to close.
     #[error(
-        "a ring with a hole of radius {inner} m and {around} elements around is not possible: it takes a positive radius and at least {least} elements"
+        "a ring with a hole of radius {inner} m and {around} elements around is not possible: it takes a positive radius and at least \
+         {least} elements"
     )]
     Ring {
         /// Radius of the hole, m.

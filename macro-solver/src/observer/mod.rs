@@ -155,8 +155,41 @@ pub struct CutBack {
     pub from: f64,
     /// Size tried next.
     pub to: f64,
+    /// What the attempt took, its stabilisation included.
+    pub cost: AttemptCost,
     /// Why.
     pub reason: String,
+}
+
+/// What a failed attempt at a step took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AttemptCost {
+    /// Iterations.
+    pub iterations: u64,
+    /// Point evaluations.
+    pub evaluations: u64,
+    /// Their force evaluations.
+    pub force_evaluations: u64,
+}
+
+impl AttemptCost {
+    /// What has been taken so far by all attempts.
+    pub(crate) fn of(statistics: &Statistics) -> Self {
+        Self {
+            iterations: statistics.iterations,
+            evaluations: statistics.evaluations,
+            force_evaluations: statistics.cost.force_evaluations,
+        }
+    }
+
+    /// What has been taken since `before`.
+    pub(crate) fn since(self, before: Self) -> Self {
+        Self {
+            iterations: self.iterations - before.iterations,
+            evaluations: self.evaluations - before.evaluations,
+            force_evaluations: self.force_evaluations - before.force_evaluations,
+        }
+    }
 }
 
 /// A step that reached equilibrium by viscous stabilisation, or by iterates that were committed, see [`crate::problem::Stabilisation`].
@@ -341,6 +374,12 @@ pub struct Statistics {
     pub skipped_force_evaluations: u64,
     /// Failed attempts.
     pub cut_backs: u64,
+    /// Point evaluations of attempts that were taken back.
+    #[serde(default)]
+    pub failed_evaluations: u64,
+    /// Their force evaluations.
+    #[serde(default)]
+    pub failed_force_evaluations: u64,
     /// Steps in which nothing changed and the body stayed in balance as it was: not held to the displacement criterion.
     pub idle_steps: u64,
     /// Steps accepted although iterations had stopped to make progress, see [`crate::problem::Tolerances::stagnated_force`].

@@ -221,14 +221,14 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
     let columns: Vec<String> = point_columns(plan).into_iter().map(|column| column.name).collect();
     let chosen = own_columns(plan).map(|field| field.name.clone()).collect();
     let columns = [vec!["time".to_owned()], columns, chosen].concat();
-    let unit_of_chosen = |name: &str| {
-        let field = plan.fields.iter().find(|field| field.name == name)?;
-        plan.units_in_headers.map(|dimension| field.unit(dimension))
-    };
-    let units =
-        |name: &String| Units::from([(name.clone(), unit_of_chosen(name).unwrap_or_else(|| point_unit(name)))]);
     let columns: Vec<String> = match plan.units_in_headers {
-        Some(_) => columns.iter().map(|name| headed(name, &units(name))).collect(),
+        Some(dimension) => {
+            let chosen = |name: &String| plan.fields.iter().find(|field| field.name == *name);
+            let unit = |name: &String| {
+                chosen(name).map_or_else(|| point_unit(name, dimension), |field| field.unit(dimension))
+            };
+            columns.iter().map(|name| headed(name, &Units::from([(name.clone(), unit(name))]))).collect()
+        }
         None => columns,
     };
     for number in &plan.points {

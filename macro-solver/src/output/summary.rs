@@ -25,10 +25,11 @@ pub enum RunStatus {
 }
 
 /// Where the time went, s. The worker times are sums over all workers, so that `rve_s + tangent_s + transport_s +
-/// idle_s` is about `workers * wall_s`; the macro's own times are wall times of its one thread.
+/// idle_s` is about `workers * wall_s`; the macro's own times are wall times of its one thread, partly while workers solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TimeShares {
-    /// From the first worker's start to the end of the last step.
+    /// From the opening of the channels, before the first workers start, to the end of the last step; all processes of a continued run
+    /// together.
     pub wall_s: f64,
     /// Workers, relaxation of grains.
     pub rve_s: f64,
@@ -37,6 +38,9 @@ pub struct TimeShares {
     /// Workers, everything between a job's arrival and its reply that is neither of the above: snapshots, hashing,
     /// messages.
     pub transport_s: f64,
+    /// Macro, writing, checking and moving messages.
+    #[serde(default)]
+    pub macro_transport_s: f64,
     /// Macro, element integrals and boundary conditions.
     pub assembly_s: f64,
     /// Macro, factorizations and solves.
@@ -162,7 +166,7 @@ pub struct Summary {
     /// RVE evaluations that were asked for a tangent operator; the others needed none.
     #[serde(default)]
     pub tangents: u64,
-    /// Workers asked for.
+    /// Workers that served when the run began.
     pub workers: u64,
     /// Workers started again after one was lost.
     pub worker_restarts: u64,
@@ -171,6 +175,12 @@ pub struct Summary {
     /// Attempts at a step that failed: it was repeated with a smaller increment, or stabilised.
     #[serde(rename = "cutbacks")]
     pub cut_backs: u64,
+    /// RVE evaluations of attempts that were taken back.
+    #[serde(default)]
+    pub failed_evaluations: u64,
+    /// Their force evaluations.
+    #[serde(default)]
+    pub failed_force_evaluations: u64,
     /// Out-of-balance force of the stress that the run started with, over the reactions or loads.
     #[serde(default)]
     pub initial_imbalance: f64,
@@ -258,6 +268,8 @@ mod tests {
             worker_restarts: 0,
             reissued_jobs: 0,
             cut_backs: 1,
+            failed_evaluations: 64,
+            failed_force_evaluations: 6400,
             initial_imbalance: 0.25,
             prepared: BTreeMap::new(),
             initial_deviation: 0.0,
@@ -281,7 +293,16 @@ mod tests {
         summary.write(&path).unwrap();
         let value: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!(value["status"], "not_converged");
-        for key in ["wall_s", "rve_s", "tangent_s", "transport_s", "assembly_s", "linear_solver_s", "idle_s"] {
+        for key in [
+            "wall_s",
+            "rve_s",
+            "tangent_s",
+            "transport_s",
+            "macro_transport_s",
+            "assembly_s",
+            "linear_solver_s",
+            "idle_s",
+        ] {
             assert!(value["time"][key].is_number(), "{key}");
         }
         for key in ["fallbacks", "fallback_groups", "skipped", "economy", "energy", "versions"] {

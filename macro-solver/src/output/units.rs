@@ -35,14 +35,14 @@ pub(super) fn write_units(path: &Path, plan: &RecordPlan, dimension: Dimension) 
     let names = point_columns(plan).into_iter().map(|column| column.name);
     let mut points: Units = names
         .map(|name| {
-            let unit = point_unit(&name);
+            let unit = point_unit(&name, dimension);
             (name, unit)
         })
         .collect();
     let profiles = plan.profiles.iter().map(|profile| (profile.name.clone(), profile.probe.unit(dimension)));
     let force = force(dimension);
     let mut fields: Units = FIELDS.into_iter().map(own).collect();
-    fields.extend([("reaction", force), ("load", force)].map(own));
+    fields.extend([("reaction", force), ("load", force), (VOLUME, volume(dimension))].map(own));
     let chosen = || plan.fields.iter().map(|field| (field.name.clone(), field.unit(dimension)));
     fields.extend(chosen());
     points.extend(if plan.points.is_empty() { None } else { Some(chosen()) }.into_iter().flatten());
@@ -93,6 +93,14 @@ pub(super) fn energy(dimension: Dimension) -> &'static str {
     }
 }
 
+/// Unit of a volume: in the plane per metre of thickness.
+fn volume(dimension: Dimension) -> &'static str {
+    match dimension {
+        Dimension::Plane => "m2",
+        Dimension::Space => "m3",
+    }
+}
+
 const HISTORY: [(&str, &str); 14] = [
     ("step", "-"),
     ("time", "s"),
@@ -110,8 +118,11 @@ const HISTORY: [(&str, &str); 14] = [
     ("balance_error_of_mean", "-"),
 ];
 
-/// Fields whose unit is not that of a force.
-const FIELDS: [(&str, &str); 28] = [
+/// Field with the volumes of Gauss points.
+const VOLUME: &str = "volume";
+
+/// Fields whose unit is the same in the plane and in space.
+const FIELDS: [(&str, &str); 27] = [
     ("displacement", "m"),
     ("stress", "Pa"),
     ("principal_stress_major", "Pa"),
@@ -139,7 +150,6 @@ const FIELDS: [(&str, &str); 28] = [
     ("force_evaluations", "-"),
     ("flagged_points", "-"),
     ("element", "-"),
-    ("volume", "m3"),
 ];
 
 const GRAINS: [(&str, &str); 11] = [
@@ -157,7 +167,10 @@ const GRAINS: [(&str, &str); 11] = [
 ];
 
 /// Unit of a column of `points/*.csv`: that of the field of this name, if there is one.
-pub(super) fn point_unit(name: &str) -> &'static str {
+pub(super) fn point_unit(name: &str, dimension: Dimension) -> &'static str {
+    if name == VOLUME {
+        return volume(dimension);
+    }
     if let Some((_, unit)) = FIELDS.iter().find(|(field, _)| *field == name) {
         return unit;
     }
@@ -171,7 +184,7 @@ pub(super) fn point_unit(name: &str) -> &'static str {
 
 /// Whether runs write a field of this name without being asked for it.
 pub fn is_field(name: &str) -> bool {
-    FIELDS.iter().map(|(name, _)| *name).chain(["reaction", "load"]).any(|one| one == name)
+    FIELDS.iter().map(|(name, _)| *name).chain(["reaction", "load", VOLUME]).any(|one| one == name)
 }
 
 #[cfg(test)]
@@ -186,17 +199,18 @@ mod tests {
         let columns = point_columns(&RecordPlan { observables: Observables::ALL, pore_fluid: true, ..plan() });
         let unit = |name: &str| {
             assert!(columns.iter().any(|column| column.name == name), "{name}");
-            point_unit(name)
+            point_unit(name, Dimension::Plane)
         };
         for (name, unit) in FIELDS {
             if columns.iter().any(|column| column.name == name) {
-                assert_eq!(point_unit(name), unit, "{name}");
+                assert_eq!(point_unit(name, Dimension::Plane), unit, "{name}");
             }
         }
         assert_eq!([unit("damping_work"), unit("elastic_energy"), unit("pore_pressure")], ["J/m3", "J/m3", "Pa"]);
         assert_eq!(
             [unit("sigma_xy"), unit("grain_rotation_z"), unit("F_xx"), unit("volume")],
-            ["Pa", "rad", "-", "m3"]
+            ["Pa", "rad", "-", "m2"]
         );
+        assert_eq!(point_unit("volume", Dimension::Space), "m3");
     }
 }

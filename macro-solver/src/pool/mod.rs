@@ -261,7 +261,7 @@ impl<P: MacroPort> Pool<P> {
             handling += arrival.elapsed();
         });
         heard.map_err(channel)?;
-        self.coordinator.statistics.transport_s += handling.as_secs_f64();
+        self.coordinator.statistics.macro_transport_s += handling.as_secs_f64();
         self.check_workers();
         self.coordinator.terminate_hung(Instant::now());
         self.act();
@@ -310,7 +310,7 @@ impl<P: MacroPort> Pool<P> {
                 sent = sent.and_then(|()| self.port.send_control(message.worker, &ToWorker::Define { definition }));
             }
             let sent = sent.and_then(|()| self.port.send_jobs(message.worker, &self.coordinator.loaded(&message)));
-            self.coordinator.statistics.transport_s += begin.elapsed().as_secs_f64();
+            self.coordinator.statistics.macro_transport_s += begin.elapsed().as_secs_f64();
             match sent {
                 Ok(()) => {}
                 Err(error @ TransportError::TooLarge { .. }) => return Err(channel(error)),

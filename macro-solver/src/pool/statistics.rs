@@ -30,7 +30,7 @@ pub struct SolvedTrials {
 }
 
 impl SolvedTrials {
-    /// Counts one trial that came in a message of `jobs` trials.
+    /// Counts one trial that came in a message of `in_message` trials.
     pub(super) fn add(&mut self, cost: &Cost, in_message: usize) {
         self.trials += 1;
         self.force_evaluations += cost.force_evaluations;
@@ -113,8 +113,10 @@ pub struct PoolStatistics {
     pub rve_s: f64,
     /// Time of the tangent operators, summed over workers, s.
     pub tangent_s: f64,
-    /// Time of restoring, writing, checking and moving messages, workers and macro together, s.
+    /// Time of restoring, writing, checking and moving messages, summed over workers, s.
     pub transport_s: f64,
+    /// Time of writing, checking and moving messages in the macro process, s.
+    pub macro_transport_s: f64,
     /// Time that workers spent waiting while an evaluation was under way: workers x wall less what they reported, s.
     pub idle_s: f64,
     /// Every worker that was welcomed, in order of joining.

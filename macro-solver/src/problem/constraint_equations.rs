@@ -31,21 +31,9 @@ impl Problem {
         positions: &[[f64; 3]],
     ) -> Result<Vec<Equation<'a>>, ProblemError> {
         let mut writer = Writer { problem: self, positions, auxiliaries: 0, equations: Vec::new() };
-        for Applied { condition, history, .. } in &stage.conditions {
+        for (number, Applied { condition, history, .. }) in stage.conditions.iter().enumerate() {
             let Condition::MultiPointConstraint(link) = condition else { continue };
-            match link {
-                MultiPointConstraint::RigidBody { nodes, displacement, rotation } => {
-                    writer.rigid_body(nodes, *displacement, *rotation, history)?;
-                }
-                MultiPointConstraint::TiltingPlaten { nodes, axis, displacement, rotation } => {
-                    writer.tilting_platen(nodes, *axis, *displacement, *rotation, history)?;
-                }
-                MultiPointConstraint::Guided { along, displacement } => {
-                    writer.guided(along, *displacement, history)?;
-                }
-                MultiPointConstraint::Periodic { from, to, jump } => writer.periodic(from, to, *jump, history)?,
-                MultiPointConstraint::Sum { terms, value } => writer.sum(terms, *value, history)?,
-            }
+            writer.write(link, history).map_err(|error| error.of_condition(number))?;
         }
         Ok(writer.equations)
     }
@@ -79,6 +67,20 @@ impl<'a> Writer<'a, '_> {
             },
             Part::Known,
         )
+    }
+
+    fn write(&mut self, link: &'a MultiPointConstraint, history: &'a Amplitude) -> Result<(), ProblemError> {
+        match link {
+            MultiPointConstraint::RigidBody { nodes, displacement, rotation } => {
+                self.rigid_body(nodes, *displacement, *rotation, history)
+            }
+            MultiPointConstraint::TiltingPlaten { nodes, axis, displacement, rotation } => {
+                self.tilting_platen(nodes, *axis, *displacement, *rotation, history)
+            }
+            MultiPointConstraint::Guided { along, displacement } => self.guided(along, *displacement, history),
+            MultiPointConstraint::Periodic { from, to, jump } => self.periodic(from, to, *jump, history),
+            MultiPointConstraint::Sum { terms, value } => self.sum(terms, *value, history),
+        }
     }
 
     /// `u_dof = sum of coefficient x part`.

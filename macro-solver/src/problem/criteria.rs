@@ -152,9 +152,9 @@ pub struct Tolerances {
     pub displacement: f64,
     /// Out-of-balance force up to which a step is accepted whose iterations no longer make progress, as where cells snap and no state
     /// within `force_tolerance` lies next to the last one; the next step restores the whole balance. Counted as
-    /// `fallbacks.stagnated_steps`. With 0, and `stagnated_displacement_tolerance` 0 too, none is accepted.
+    /// `fallbacks.stagnated_steps`. With 0, and in implicit stages `stagnated_displacement_tolerance` 0 too, none is accepted.
     #[serde(rename = "stagnated_force_tolerance")]
-    #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0))]
+    #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit relaxation"), range(min = 0.0))]
     pub stagnated_force: f64,
     /// Correction up to which such a step is accepted, measured as for `displacement_tolerance`. With 0 the correction is held to `displacement_tolerance`.
     #[serde(rename = "stagnated_displacement_tolerance")]

@@ -23,6 +23,14 @@ pub enum ProblemError {
         /// What is wrong with it.
         error: Box<ProblemError>,
     },
+    /// One of the conditions of a stage is at fault.
+    #[error("{error}")]
+    Condition {
+        /// Number of the condition in [`Stage::conditions`](super::Stage::conditions), from 0.
+        number: usize,
+        /// What is wrong with it.
+        error: Box<ProblemError>,
+    },
     /// A setting is out of the range of its key.
     #[error(transparent)]
     Setting(#[from] Fault),
@@ -188,6 +196,29 @@ pub enum ProblemError {
         /// As given.
         value: f64,
     },
+}
+
+impl ProblemError {
+    /// The same, known to be the fault of a condition of its stage.
+    pub(super) fn of_condition(self, number: usize) -> Self {
+        Self::Condition { number, error: Box::new(self) }
+    }
+
+    /// What is wrong, whichever stage or condition it is found in.
+    pub fn cause(&self) -> &Self {
+        match self {
+            Self::Stage { error, .. } | Self::Condition { error, .. } => error.cause(),
+            cause => cause,
+        }
+    }
+
+    /// As [`ProblemError::cause`], without what it is found in.
+    pub fn into_cause(self) -> Self {
+        match self {
+            Self::Stage { error, .. } | Self::Condition { error, .. } => error.into_cause(),
+            cause => cause,
+        }
+    }
 }
 
 /// A place for people, m.

@@ -27,7 +27,8 @@ pub struct RelaxationSettings {
     /// Share of the critical step; in the printed form `gamma`.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0), range(max = 1.0))]
     pub safety: f64,
-    /// Kinetic energy over its largest value in the attempt below which the body is at rest; `solver.force_tolerance` must hold too.
+    /// Kinetic energy below which the body is at rest, over its largest value in the attempt or, if that is larger, over what a critically damped
+    /// motion from the last equilibrium would have had; `solver.force_tolerance` must hold too. "as_printed" knows the first only.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0))]
     pub kinetic_tolerance: f64,
     /// Iterations in a row in which all criteria must hold.

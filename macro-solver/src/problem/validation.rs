@@ -10,7 +10,7 @@ use crate::element::hourglass::HourglassControl;
 use crate::mesh::point_places;
 use crate::mesh::{Dimension, Side};
 use crate::nonlocal::NonlocalOperator;
-use keys::check_settings;
+use keys::{Fault, check_settings};
 
 /// A prescribed displacement component of one node over a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,43 +76,10 @@ impl Problem {
     fn validate_stage(&self, stage: &Stage) -> Result<(), ProblemError> {
         check_stage_settings(stage)?;
         self.validate_nonlocal(stage)?;
-        refuse_unsound(condition_numbers(stage))?;
-        for applied in &stage.conditions {
-            if let Some(reason) = applied.history.defect() {
-                return Err(ProblemError::History { reason });
-            }
-            if stage.finds_load_factor() && applied.history.may_begin_at_rest() {
-                return Err(ProblemError::HistoryAtRest);
-            }
-            // Steps move supports by what their histories change with the load factor, which tells no jump and rounds off a kink.
-            if stage.finds_load_factor() && applied.moves_support() && !applied.history.is_proportional() {
-                return Err(ProblemError::MotionOffRamp);
-            }
-            match &applied.condition {
-                Condition::Pressure { sides, .. } | Condition::Traction { sides, .. } => {
-                    self.sides(sides)?;
-                }
-                Condition::BodyForce { elements, .. } => {
-                    self.elements(elements)?;
-                }
-                Condition::Friction { from, to, .. } => {
-                    if !applied.history.stays_between_0_and_1() {
-                        return Err(ProblemError::FrictionHistory);
-                    }
-                    if from != to && stage.finds_load_factor() {
-                        return Err(ProblemError::FrictionUnknownLoad);
-                    }
-                }
-                Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
-            }
+        for (number, applied) in stage.conditions.iter().enumerate() {
+            self.validate_condition(stage, applied).map_err(|error| error.of_condition(number))?;
         }
-        for (nodes, axis) in stage.control.path.measured() {
-            nodes.map_or(Ok(&[][..]), |nodes| self.nodes(nodes))?;
-            if axis == Some(Axis::Z) && self.mesh.dimension == Dimension::Plane {
-                return Err(ProblemError::NoThirdAxis);
-            }
-        }
-        self.check_third_axis(stage)?;
+        self.validate_path(stage)?;
         self.check_frictions(stage)?;
         let prescribed = self.prescribed_displacements(stage)?;
         let dependents = dependents(&self.equations(stage, &self.mesh.nodes)?, &prescribed)?;
@@ -123,6 +90,69 @@ impl Problem {
             // Inertia holds what no support does.
             Procedure::Dynamic(settings) => settings.validate(self),
         }
+    }
+
+    /// What the control of the load factor measures.
+    fn validate_path(&self, stage: &Stage) -> Result<(), ProblemError> {
+        let at_its_key = |error: ProblemError| {
+            let path = ["loading", "control"].map(str::to_owned).to_vec();
+            ProblemError::Setting(Fault { path, span: 0..0, problem: error.to_string(), hint: None })
+        };
+        for (nodes, axis) in stage.control.path.measured() {
+            if let Some(nodes) = nodes {
+                self.nodes(nodes).map_err(at_its_key)?;
+            }
+            if axis == Some(Axis::Z) && self.mesh.dimension == Dimension::Plane {
+                return Err(at_its_key(ProblemError::NoThirdAxis));
+            }
+        }
+        Ok(())
+    }
+
+    /// What can be told of one condition alone; where and what it holds is told by its equations.
+    fn validate_condition(&self, stage: &Stage, applied: &Applied) -> Result<(), ProblemError> {
+        refuse_unsound(condition_numbers(&applied.condition))?;
+        if let Some(reason) = applied.history.defect() {
+            return Err(ProblemError::History { reason });
+        }
+        if stage.finds_load_factor() && applied.history.may_begin_at_rest() {
+            return Err(ProblemError::HistoryAtRest);
+        }
+        // Steps move supports by what their histories change with the load factor, which tells no jump and rounds off a kink.
+        if stage.finds_load_factor() && applied.moves_support() && !applied.history.is_proportional() {
+            return Err(ProblemError::MotionOffRamp);
+        }
+        match &applied.condition {
+            Condition::Pressure { sides, .. } => {
+                self.sides(sides)?;
+            }
+            Condition::Traction { sides, value } => {
+                self.sides(sides)?;
+                self.refuse_third_axis(value[2])?;
+            }
+            Condition::BodyForce { elements, value } => {
+                self.elements(elements)?;
+                self.refuse_third_axis(value[2])?;
+            }
+            Condition::Friction { from, to, .. } => {
+                if !applied.history.stays_between_0_and_1() {
+                    return Err(ProblemError::FrictionHistory);
+                }
+                if from != to && stage.finds_load_factor() {
+                    return Err(ProblemError::FrictionUnknownLoad);
+                }
+            }
+            Condition::Displacement { .. } | Condition::Platen { .. } | Condition::MultiPointConstraint(_) => {}
+        }
+        Ok(())
+    }
+
+    /// Refuses a component along z that acts in the plane.
+    fn refuse_third_axis(&self, component: f64) -> Result<(), ProblemError> {
+        if self.mesh.dimension == Dimension::Plane && component != 0.0 {
+            return Err(ProblemError::NoThirdAxis);
+        }
+        Ok(())
     }
 
     fn validate_nonlocal(&self, stage: &Stage) -> Result<(), ProblemError> {
@@ -152,29 +182,39 @@ impl Problem {
         stage: &'a Stage,
     ) -> Result<Vec<Option<Prescribed<'a>>>, ProblemError> {
         let mut prescribed = vec![None; self.mesh.degrees_of_freedom()];
-        for Applied { condition, history, origin } in &stage.conditions {
-            let given = |value| Prescribed { value, origin: *origin, history };
-            match condition {
-                Condition::Displacement { nodes, axis, value } => {
-                    self.prescribe(stage, &mut prescribed, nodes, *axis, given(*value))?;
-                }
-                Condition::Platen { nodes, contact, axis, displacement } => {
-                    self.prescribe(stage, &mut prescribed, nodes, *axis, given(*displacement))?;
-                    if *contact == Platen::Rough {
-                        let held = Prescribed { origin: Origin::Stage, ..given(0.0) };
-                        for along in self.axes().filter(|along| along != axis) {
-                            self.prescribe(stage, &mut prescribed, nodes, along, held)?;
-                        }
-                    }
-                }
-                Condition::Pressure { .. }
-                | Condition::Traction { .. }
-                | Condition::BodyForce { .. }
-                | Condition::Friction { .. }
-                | Condition::MultiPointConstraint(_) => {}
-            }
+        for (number, applied) in stage.conditions.iter().enumerate() {
+            self.prescribe_condition(stage, &mut prescribed, applied).map_err(|error| error.of_condition(number))?;
         }
         Ok(prescribed)
+    }
+
+    fn prescribe_condition<'a>(
+        &self,
+        stage: &Stage,
+        prescribed: &mut [Option<Prescribed<'a>>],
+        applied: &'a Applied,
+    ) -> Result<(), ProblemError> {
+        let given = |value| Prescribed { value, origin: applied.origin, history: &applied.history };
+        match &applied.condition {
+            Condition::Displacement { nodes, axis, value } => {
+                self.prescribe(stage, prescribed, nodes, *axis, given(*value))
+            }
+            Condition::Platen { nodes, contact, axis, displacement } => {
+                self.prescribe(stage, prescribed, nodes, *axis, given(*displacement))?;
+                if *contact == Platen::Rough {
+                    let held = Prescribed { origin: Origin::Stage, ..given(0.0) };
+                    for along in self.axes().filter(|along| along != axis) {
+                        self.prescribe(stage, prescribed, nodes, along, held)?;
+                    }
+                }
+                Ok(())
+            }
+            Condition::Pressure { .. }
+            | Condition::Traction { .. }
+            | Condition::BodyForce { .. }
+            | Condition::Friction { .. }
+            | Condition::MultiPointConstraint(_) => Ok(()),
+        }
     }
 
     /// The directions in which the body moves.
@@ -268,29 +308,14 @@ impl Problem {
     /// Whether every element has one friction.
     fn check_frictions(&self, stage: &Stage) -> Result<(), ProblemError> {
         let mut set_of: Vec<Option<&str>> = vec![None; self.mesh.elements.len()];
-        for applied in &stage.conditions {
+        for (number, applied) in stage.conditions.iter().enumerate() {
             let Condition::Friction { elements: set, .. } = &applied.condition else { continue };
-            for &element in self.elements(set)? {
+            for &element in self.elements(set).map_err(|error| error.of_condition(number))? {
                 if let Some(first) = set_of[element].replace(set) {
                     let (first, second) = (first.to_owned(), set.clone());
-                    return Err(ProblemError::TwoFrictions { element, first, second });
+                    return Err(ProblemError::TwoFrictions { element, first, second }.of_condition(number));
                 }
             }
-        }
-        Ok(())
-    }
-
-    fn check_third_axis(&self, stage: &Stage) -> Result<(), ProblemError> {
-        let acts_along_z = |applied: &Applied| match &applied.condition {
-            Condition::Traction { value, .. } | Condition::BodyForce { value, .. } => value[2] != 0.0,
-            Condition::Displacement { .. }
-            | Condition::Platen { .. }
-            | Condition::Pressure { .. }
-            | Condition::MultiPointConstraint(_)
-            | Condition::Friction { .. } => false,
-        };
-        if self.mesh.dimension == Dimension::Plane && stage.conditions.iter().any(acts_along_z) {
-            return Err(ProblemError::NoThirdAxis);
         }
         Ok(())
     }
@@ -316,25 +341,20 @@ fn check_stage_settings(stage: &Stage) -> Result<(), ProblemError> {
     Ok(())
 }
 
-fn condition_numbers(stage: &Stage) -> Vec<Check> {
-    let mut checks = Vec::new();
-    for applied in &stage.conditions {
-        let (name, values) = match &applied.condition {
-            Condition::Displacement { value, .. } => ("displacement", vec![*value]),
-            Condition::Platen { displacement, .. } => ("platen displacement", vec![*displacement]),
-            Condition::Pressure { value, .. } => ("pressure", vec![*value]),
-            Condition::Traction { value, .. } => ("traction", value.to_vec()),
-            Condition::BodyForce { value, .. } => ("body_force", value.to_vec()),
-            Condition::MultiPointConstraint(link) => ("linked displacement", link.numbers()),
-            Condition::Friction { from, to, .. } => {
-                let lies = |value: &f64| (0.0..=1.0).contains(value);
-                checks.extend([from, to].map(|value| ("friction factor", *value, "between 0 and 1", lies(value))));
-                continue;
-            }
-        };
-        checks.extend(values.into_iter().map(|value| (name, value, "a finite number", true)));
-    }
-    checks
+fn condition_numbers(condition: &Condition) -> Vec<Check> {
+    let (name, values) = match condition {
+        Condition::Displacement { value, .. } => ("displacement", vec![*value]),
+        Condition::Platen { displacement, .. } => ("platen displacement", vec![*displacement]),
+        Condition::Pressure { value, .. } => ("pressure", vec![*value]),
+        Condition::Traction { value, .. } => ("traction", value.to_vec()),
+        Condition::BodyForce { value, .. } => ("body_force", value.to_vec()),
+        Condition::MultiPointConstraint(link) => ("linked displacement", link.numbers()),
+        Condition::Friction { from, to, .. } => {
+            let check = |value: f64| ("friction factor", value, "between 0 and 1", (0.0..=1.0).contains(&value));
+            return vec![check(*from), check(*to)];
+        }
+    };
+    values.into_iter().map(|value| (name, value, "a finite number", true)).collect()
 }
 
 fn names<'a>(keys: impl Iterator<Item = &'a String>) -> String {
@@ -352,6 +372,14 @@ mod tests {
     fn problem(conditions: Vec<Condition>) -> Problem {
         let mesh = Block::plane([1.0, 2.0], [2, 2], ElementKind::Q4).mesh().unwrap();
         Problem::new(mesh, conditions)
+    }
+
+    /// What is wrong with a problem of one stage, and which of its conditions has it.
+    fn refusal(problem: &Problem) -> (Option<usize>, ProblemError) {
+        match problem.validate().unwrap_err() {
+            ProblemError::Condition { number, error } => (Some(number), *error),
+            other => (None, other),
+        }
     }
 
     fn supported() -> Vec<Condition> {
@@ -380,7 +408,7 @@ mod tests {
         problem.stages[0].control.path = PathControl::ArcLength { first_load: 0.1, set: None, component: None };
         problem.validate().unwrap();
         problem.stages[0].conditions[1].history = Amplitude::SMOOTH;
-        assert_eq!(problem.validate(), Err(ProblemError::HistoryAtRest));
+        assert_eq!(refusal(&problem), (Some(1), ProblemError::HistoryAtRest));
         // A path that the scene controls is none of a motion's.
         problem.stages[0].procedure = Procedure::Dynamic(Box::new(DynamicSettings::new(1e3)));
         assert_eq!(problem.validate(), Ok(()));
@@ -407,7 +435,11 @@ mod tests {
                 assert_eq!(checked(&mut problem, &history), Ok(()));
                 problem.stages[0].control.path =
                     PathControl::ArcLength { first_load: 0.1, set: None, component: None };
-                assert_eq!(checked(&mut problem, &history), Err(ProblemError::MotionOffRamp), "{history:?}");
+                assert_eq!(
+                    checked(&mut problem, &history),
+                    Err(ProblemError::MotionOffRamp.of_condition(2)),
+                    "{history:?}"
+                );
             }
             assert_eq!(checked(&mut problem, &Amplitude::RAMP), Ok(()));
             // Supports at rest and loads keep any history.
@@ -450,8 +482,8 @@ mod tests {
         let error = problem([supported(), vec![pressure]].concat()).validate().unwrap_err();
         assert_eq!(error.to_string(), "no side set 'lid'; the mesh has: bottom, left, right, top");
         let moved = Condition::Displacement { nodes: "bottom".into(), axis: Axis::Y, value: 0.1 };
-        let error = problem([supported(), vec![moved]].concat()).validate().unwrap_err();
-        assert!(matches!(error, ProblemError::Contradiction { node: 0, axis: Axis::Y, .. }));
+        let error = refusal(&problem([supported(), vec![moved]].concat()));
+        assert!(matches!(error, (Some(2), ProblemError::Contradiction { node: 0, axis: Axis::Y, .. })));
         let moved = Condition::Displacement { nodes: "left".into(), axis: Axis::Y, value: 0.1 };
         let text = problem([supported(), vec![moved]].concat()).validate().unwrap_err().to_string();
         let said = "at (0.0000, 0.0000, 0.0000) m is given two different displacements or histories along Y: 0.000000e0 m by \
@@ -466,7 +498,7 @@ mod tests {
         let bad = problem(
             [supported(), vec![Condition::Traction { sides: "top".into(), value: [0.0, f64::NAN, 0.0] }]].concat(),
         );
-        assert!(matches!(bad.validate(), Err(ProblemError::Number { what: "traction", .. })));
+        assert!(matches!(refusal(&bad), (Some(2), ProblemError::Number { what: "traction", .. })));
     }
 
     #[test]
@@ -483,9 +515,9 @@ mod tests {
             other => panic!("{other:?}"),
         }
         let lifted = problem([supported(), vec![Condition::fixed("left", Axis::Z)]].concat());
-        assert_eq!(lifted.validate(), Err(ProblemError::NoThirdAxis));
+        assert_eq!(refusal(&lifted), (Some(2), ProblemError::NoThirdAxis));
         let pulled = Condition::Traction { sides: "top".into(), value: [0.0, 0.0, 1.0] };
-        assert_eq!(problem([supported(), vec![pulled]].concat()).validate(), Err(ProblemError::NoThirdAxis));
+        assert_eq!(refusal(&problem([supported(), vec![pulled]].concat())), (Some(2), ProblemError::NoThirdAxis));
         let mut thrown = problem(supported());
         let velocity = InitialVelocity { nodes: "top".into(), value: [0.0, 0.0, 1.0] };
         let settings = DynamicSettings { initial_velocities: vec![velocity], ..DynamicSettings::new(1e3) };
@@ -501,7 +533,7 @@ mod tests {
             problem([supported(), vec![Condition::MultiPointConstraint(link)]].concat()).validate()
         };
         assert_eq!(turned([Some(0.0), None, Some(0.0)]), Ok(()));
-        assert_eq!(turned([Some(0.5), None, None]), Err(ProblemError::NoThirdAxis));
-        assert_eq!(turned([Some(0.0), Some(0.5), None]), Err(ProblemError::NoThirdAxis));
+        assert_eq!(turned([Some(0.5), None, None]), Err(ProblemError::NoThirdAxis.of_condition(2)));
+        assert_eq!(turned([Some(0.0), Some(0.5), None]), Err(ProblemError::NoThirdAxis.of_condition(2)));
     }
 }

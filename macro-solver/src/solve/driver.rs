@@ -23,7 +23,7 @@ use crate::model::failure::{Failure, failure};
 use crate::model::friction::Frictions;
 use crate::model::loads::Loads;
 use crate::model::points::Points;
-use crate::observer::{CutBack, Observer, Outcome, Run, Statistics, StepAccuracy};
+use crate::observer::{AttemptCost, CutBack, Observer, Outcome, Run, Statistics, StepAccuracy};
 use crate::problem::{PathControl, Problem, ProblemError};
 use nalgebra::Matrix3;
 use protocol::TangentKind;
@@ -288,6 +288,7 @@ impl<'a> Solver<'a> {
         for cut_backs in 0.. {
             let target = next_fraction(self.stage_fraction, *size, control.increments, control.min);
             let counters = Counters { cut_backs, ..counters };
+            let begun = AttemptCost::of(&self.statistics);
             let mut reason = match method.attempt(self, target, cut_backs > 0, session) {
                 Ok(Attempted::Converged(converged)) => {
                     self.commit_step(&converged, target, &counters, session)?;
@@ -308,6 +309,8 @@ impl<'a> Solver<'a> {
                 }
             };
             self.statistics.cut_backs += 1;
+            self.count_failed(begun);
+            let tried = AttemptCost::of(&self.statistics);
             let from = target - self.stage_fraction;
             if let Some(settings) = self.stabilises(method, cut_backs + 1, from) {
                 let counters = Counters { cut_backs: cut_backs + 1, ..counters };
@@ -316,16 +319,27 @@ impl<'a> Solver<'a> {
                         *size = first_size;
                         return Ok(1);
                     }
-                    Followed::TakenBack(why) => reason = why,
+                    Followed::TakenBack(why) => {
+                        self.count_failed(tried);
+                        reason = why;
+                    }
                 }
             }
+            let cost = AttemptCost::of(&self.statistics).since(begun);
             if is_smallest(from, control.min) {
                 return Err(Outcome::DidNotConverge { reason: self.explained(target, &reason) });
             }
             *size = (from * control.cut).max(control.min);
-            session.observer.cut_back(&CutBack { step: self.step, load: target, from, to: *size, reason });
+            session.observer.cut_back(&CutBack { step: self.step, load: target, from, to: *size, cost, reason });
         }
         unreachable!("the loop only ends by returning")
+    }
+
+    /// Counts what has been taken since `begun` as spent in vain.
+    fn count_failed(&mut self, begun: AttemptCost) {
+        let cost = AttemptCost::of(&self.statistics).since(begun);
+        self.statistics.failed_evaluations += cost.evaluations;
+        self.statistics.failed_force_evaluations += cost.force_evaluations;
     }
 
     /// Commits a converged step and reports it.

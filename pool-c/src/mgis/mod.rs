@@ -142,7 +142,7 @@ unsafe fn integrate(view: &View, behaviour: Behaviour) -> Result<(), Failure> {
         }
         (false, false) => (UNIT, UNIT, measures::ZERO),
     };
-    let target = Tensor2(std::array::from_fn(|place| step[place / 3][place % 3]));
+    let target = Tensor2::from_rows(&step);
 
     let target = match (material.pool.dimension(), behaviour.is_plane_strain) {
         (2, true) => material.target_of_cell(&target)?,

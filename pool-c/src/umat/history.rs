@@ -1,6 +1,7 @@
 //! Which call begins an increment, repeats it, or restarts it.
 
 use crate::ffi_boundary::Failure;
+use crate::measures::step;
 use grain_pool::{RvePool, State};
 use protocol::Tensor2;
 use std::collections::BTreeMap;
@@ -25,13 +26,9 @@ pub(super) struct Call {
 }
 
 impl Call {
-    /// Displacement gradient from the begin of the increment, `F1 F0^-1 - I`, from the small difference `(F1 - F0) F0^-1`.
+    /// Displacement gradient from the begin of the increment.
     pub(super) fn target(&self) -> Tensor2 {
-        let inverse = rve_server::space::inverse(&self.before);
-        let change: [[f64; 3]; 3] =
-            std::array::from_fn(|i| std::array::from_fn(|j| self.after[i][j] - self.before[i][j]));
-        let product = rve_server::space::product(&change, &inverse);
-        Tensor2(std::array::from_fn(|place| product[place / 3][place % 3]))
+        Tensor2::from_rows(&step(&self.before, &self.after))
     }
 }
 

@@ -109,7 +109,7 @@ pub unsafe extern "C" fn umat_(
         };
         let given = || Failure::input("STRESS and DDSDDE are needed");
         let (stress, ddsdde) = (stress.ok_or_else(given)?, ddsdde.ok_or_else(given)?);
-        let tangent = result.tangent.as_deref().ok_or_else(given)?;
+        let tangent = result.tangent.as_deref().ok_or_else(|| Failure::input("the cell gave no tangent operator"))?;
         match material.strains {
             Strains::Finite => {
                 shape.put_stress(&result.stress, stress);

@@ -4,6 +4,7 @@ mod features;
 mod frame;
 mod listed_contact;
 mod model;
+mod narrow_cell;
 mod operator_options;
 mod options;
 pub mod packing_file;

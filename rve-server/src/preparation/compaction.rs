@@ -76,6 +76,9 @@ pub(crate) struct Tolerances {
     pub(crate) stress: f64,
 }
 
+/// How far from its target stress, and from rest, a packing may end that was brought to another stress or weakened.
+pub(crate) const CHANGED_PACKING: Tolerances = Tolerances { force: 1e-8, stress: 1e-6 };
+
 /// A cell with a target stress.
 pub(crate) struct Compaction<'a, S: SolverFor> {
     cell: GrainRve<S>,
@@ -266,10 +269,14 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             }
             answer = next;
         }
-        let steps = self.limits.increments;
+        let (steps, error) = (self.limits.increments, self.stress_error(&answer.stress));
         // Recipes name their tolerances; other callers have none that a user could change.
         let remedy = if steps == MOST_INCREMENTS { "; loosen tolerance or stress_tolerance" } else { "" };
-        Err(PackingError::Content(format!("the stress did not reach the target in {steps} servo steps{remedy}")))
+        Err(PackingError::Content(format!(
+            "the stress did not reach the target in {steps} servo steps: it is off by {error:.1e} of the pressure, and unbalanced forces are \
+             {:.1e} of the mean contact force{remedy}",
+            answer.scalars.unbalanced_force_ratio
+        )))
     }
 
     /// A step that is taken back and shortened until it brings the stress nearer to the target. Every miss teaches the
@@ -415,7 +422,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
     }
 
     fn trial(&mut self, strain: &Matrix, tangent: TangentKind) -> Result<TrialResult, PackingError> {
-        let target = Tensor2(std::array::from_fn(|index| strain[index / 3][index % 3]));
+        let target = Tensor2::from_rows(strain);
         let options = TrialOptions { tangent, ..TrialOptions::default() };
         let answer = self.cell.trial(&target, &options).map_err(content)?;
         self.log.spend(answer.cost.force_evaluations);

@@ -50,10 +50,10 @@ pub fn generate<S: SolverFor>(
     }
     let target = recipe.stress_target()?;
     let log = ProgressLog::new(progress);
-    let workshop = PackingGenerator { recipe, target, log: &log };
-    let (mut packing, contact, searches) = workshop.prepare::<S>()?;
+    let generator = PackingGenerator { recipe, target, log: &log };
+    let (mut packing, contact, searches) = generator.prepare::<S>()?;
     if let Some(removal) = &recipe.removal {
-        packing = workshop.weakened(&packing, &contact, removal)?;
+        packing = generator.weakened(&packing, &contact, removal)?;
     }
     packing.provenance = provenance(recipe, &searches);
     let packing = packing.checked()?;

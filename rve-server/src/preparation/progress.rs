@@ -21,7 +21,7 @@ pub struct PackingProgress {
     pub unbalanced_force_ratio: f64,
 }
 
-/// Shared by all beds of one preparation.
+/// What is told of a preparation on the way, shared by all compactions that belong to it.
 pub(crate) struct ProgressLog<'a> {
     listener: RefCell<&'a mut dyn FnMut(&PackingProgress)>,
     force_evaluations: Cell<u64>,

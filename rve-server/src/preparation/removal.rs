@@ -1,7 +1,7 @@
 //! Packings weakened by taking random grains out, as in [Liu2015] section 3.4.
 
 use super::at_stress::has_level_vectors;
-use super::compaction::{Compaction, Tolerances, content, rows};
+use super::compaction::{CHANGED_PACKING, Compaction, Tolerances, content, rows};
 use super::progress::ProgressLog;
 use super::random_placement::chosen;
 use super::recipe::Removal;
@@ -12,9 +12,6 @@ use crate::engine::GrainRve;
 use crate::solver::SolverFor;
 use crate::space::Space;
 use protocol::{Observables, RveError, RveSolver, TrialFlags, TrialOptions};
-
-/// How far from its stress before, and from rest, a weakened packing may end.
-const TOLERANCES: Tolerances = Tolerances { force: 1e-8, stress: 1e-6 };
 
 /// Largest angle between Y1 and the first axis, rad, that is taken for none.
 const ALIGNED: f64 = 1e-9;
@@ -100,7 +97,7 @@ fn at_its_stress<S: SolverFor>(
         (0..S::DIMENSION).map(|i| (0..S::DIMENSION).map(|j| 0.5 * (stress[i][j] + stress[j][i])).collect()).collect();
     let target = StressTarget::from_rows(&symmetric, S::DIMENSION)?;
     let mut ignore = |_: &_| {};
-    let packing = weakened(packing, contact, removal, target, TOLERANCES, &ProgressLog::new(&mut ignore))?;
+    let packing = weakened(packing, contact, removal, target, CHANGED_PACKING, &ProgressLog::new(&mut ignore))?;
     Ok((packing, came_to_rest_first))
 }
 

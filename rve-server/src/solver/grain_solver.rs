@@ -1,6 +1,6 @@
 //! The seam of the grain solvers: what is asked of them, and what they answer.
 
-use super::course::Course;
+use super::answered_by::AnsweredBy;
 use super::linear::LinearResponses;
 use crate::cell::{ContactNetwork, GrainState};
 use crate::definition::GrainModel;
@@ -37,10 +37,10 @@ pub struct Solved {
     /// Whether the solver changed its damping because the grains did not come to rest with the one chosen.
     pub changed_damping: bool,
     /// How the answer was found.
-    pub course: Course,
-    /// Work of the contact forces on the affine motion of the cell, J, if it is wanted and the course of the solve has steps to count.
+    pub answered_by: AnsweredBy,
+    /// Work of the contact forces on the affine motion of the cell, J, if it is wanted and what answered has steps to count.
     pub work: Option<f64>,
-    /// Work and damping along the solve, if they are [counted](GrainSolver::count_energies) and its course has steps to count.
+    /// Work and damping along the solve, if they are [counted](GrainSolver::count_energies) and what answered has steps to count.
     pub energies: Option<PathEnergies>,
 }
 

@@ -3,14 +3,14 @@
 //! [`GrainSolver`] is the seam. A second solver is a folder next to `relaxation`, a [`SolverName`], and an arm of
 //! `solver_of`; the key `[rve] solver` then chooses it.
 
-mod course;
+mod answered_by;
 mod event_driven;
 mod grain_solver;
 pub mod kernel;
 mod linear;
 mod relaxation;
 
-pub use course::Course;
+pub use answered_by::AnsweredBy;
 pub use grain_solver::{End, GrainSolver, PathEnergies, SolveJob, Solved};
 pub use linear::{DiscMotions, DiscPair, LinearResponses};
 pub(crate) use relaxation::{

@@ -6,7 +6,7 @@ use rve_server::cell::GrainState;
 use rve_server::contact::ContactTable;
 use rve_server::definition::{GrainDefinition, GrainModel, RveOptions, SolverName};
 use rve_server::engine::GrainRve;
-use rve_server::solver::{Course, SolveJob, SolverFor};
+use rve_server::solver::{AnsweredBy, SolveJob, SolverFor};
 use rve_server::space::Discs;
 use rve_server::space::plane::{self, Plane};
 use rve_server::tangent::network::NetworkResponses;
@@ -53,9 +53,9 @@ fn run(name: &str, options: RveOptions, start: &GrainState, path: &[Plane]) -> (
             .solve_one(&model, SolveJob { state: &state, strain: *strain, ramp_steps, counts_work: false })
             .unwrap();
         counts.evaluations += end.solved.force_evaluations;
-        counts.elastic += u64::from(end.solved.course == Course::Elastic);
-        counts.events += u64::from(end.solved.course == Course::Events);
-        counts.handed_over += u64::from(end.solved.course == Course::HandedOver);
+        counts.elastic += u64::from(end.solved.answered_by == AnsweredBy::Elastic);
+        counts.events += u64::from(end.solved.answered_by == AnsweredBy::Events);
+        counts.handed_over += u64::from(end.solved.answered_by == AnsweredBy::HandedOver);
         stresses.push(solver.network(&model, &end).stress());
         state = end.state;
     }

@@ -114,8 +114,7 @@ fn closed_ways_lead_back_to_the_stress() {
     spheres.contact.friction = 1e9;
     let mut cell = GrainRve::new(&spheres).unwrap();
     let mut go = |h: &Matrix| {
-        let answer =
-            cell.trial(&Tensor2(std::array::from_fn(|k| h[k / 3][k % 3])), &TrialOptions::default()).unwrap();
+        let answer = cell.trial(&Tensor2::from_rows(h), &TrialOptions::default()).unwrap();
         cell.commit().unwrap();
         (Matrix::from_fn(|i, j| answer.stress.get(i, j)), cell.committed().contacts.len())
     };

@@ -45,7 +45,7 @@ pub(crate) fn tensor(answer: &TrialResult) -> Matrix {
 }
 
 pub(crate) fn trial(cell: &mut GrainRve<Spheres>, h: &Matrix) -> TrialResult {
-    cell.trial(&Tensor2(std::array::from_fn(|k| h[k / 3][k % 3])), &TrialOptions::default()).unwrap()
+    cell.trial(&Tensor2::from_rows(h), &TrialOptions::default()).unwrap()
 }
 
 /// `C11`, `C12`, `C44` of a cubic crystal by central differences.

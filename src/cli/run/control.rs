@@ -34,22 +34,23 @@ impl<'a> ControlledRun<'a> {
         Self { checkpoints, cells, controls, interrupt }
     }
 
-    /// Carries out everything that has been requested; returns when the run may go on.
+    /// Carries out everything that has been requested; returns when the run may go on. A request whose file cannot be removed is carried out
+    /// all the same, and the first such error returned at the end.
     fn carry_out(&mut self, step: u64) -> Result<(), PageError> {
-        let mut is_paused = false;
+        let (mut is_paused, mut told) = (false, Ok(()));
         loop {
             for point in self.controls.cells() {
                 self.cells.write(point);
-                self.controls.cell_done(point)?;
+                told = told.and(self.controls.cell_done(point));
             }
             if self.controls.asks(Action::Checkpoint) {
                 self.checkpoints.flush();
-                self.controls.done(Action::Checkpoint.keyword())?;
+                told = told.and(self.controls.done(Action::Checkpoint.keyword()));
                 tracing::info!(event = "checkpoint_requested", step);
             }
             if self.controls.asks(Action::Stop) {
-                self.controls.done(Action::Pause.keyword())?;
-                self.controls.done(Action::Stop.keyword())?;
+                told = told.and(self.controls.done(Action::Pause.keyword()));
+                told = told.and(self.controls.done(Action::Stop.keyword()));
                 tracing::info!(event = "stop_requested", step);
                 self.interrupt.raise();
             }
@@ -60,15 +61,15 @@ impl<'a> ControlledRun<'a> {
                 is_paused = true;
                 self.checkpoints.flush();
                 tracing::info!(event = "paused", step);
-                self.controls.put(PAUSED)?;
+                told = told.and(self.controls.put(PAUSED));
             }
             sleep(PAUSE);
         }
         if is_paused {
             tracing::info!(event = "resumed", step);
-            self.controls.done(PAUSED)?;
+            told = told.and(self.controls.done(PAUSED));
         }
-        Ok(())
+        told
     }
 }
 

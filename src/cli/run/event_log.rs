@@ -115,6 +115,9 @@ impl Observer for EventLog {
             load = event.load,
             from = event.from,
             to = event.to,
+            iterations = event.cost.iterations,
+            evaluations = event.cost.evaluations,
+            force_evaluations = event.cost.force_evaluations,
             reason = event.reason,
         );
     }

@@ -11,7 +11,7 @@ use super::observers::ObserverChain;
 use super::packings::packings_under_the_law;
 use super::plot;
 use super::progress::ProgressDisplay;
-use super::resume::{Continued, RunDescription};
+use super::resume::{Continued, HostFigures, RunDescription};
 use super::shortcuts::Allowed;
 use super::summary::{SummaryInputs, summary};
 use crate::engines::EngineAssignment;
@@ -30,7 +30,6 @@ use protocol::Observables;
 use protocol::transport::MacroPort;
 use rve_server::definition::SolverName;
 use scene_reader::Scene;
-use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// The circumstances of a run.
@@ -39,9 +38,9 @@ pub(super) struct RunContext<'a> {
     pub(super) assignment: &'a EngineAssignment,
     /// Points that are solved once more to estimate the error.
     pub(super) replicas: SamplePlan,
-    /// Workers requested.
+    /// Workers that serve when the run begins.
     pub(super) workers: usize,
-    /// When the first worker was started.
+    /// When the channels were opened, before the first worker was started.
     pub(super) begun: Instant,
     /// Whether to print nothing but errors.
     pub(super) quiet: bool,
@@ -54,7 +53,7 @@ pub(super) struct RunContext<'a> {
     /// Observes the solver after the recorders.
     pub(super) observer: &'a mut dyn Observer,
     /// What happened between hosts, by name; empty for a run that does not listen.
-    pub(super) hosts: &'a dyn Fn() -> BTreeMap<String, u64>,
+    pub(super) hosts: &'a dyn Fn() -> HostFigures,
 }
 
 /// Result of the solver, with what was recorded on the way.
@@ -175,8 +174,9 @@ fn solve<P: MacroPort>(
         let figures = continued.description.figures;
         (Some(continued.archive), CheckpointFigures { resumed: figures.resumed + 1, ..figures })
     });
+    let hosts = context.hosts;
     let describe = |archive: &mut Archive, progress, figures: &CheckpointFigures| {
-        description.put(archive, progress, wall_s(), figures);
+        description.put(archive, progress, wall_s(), figures, hosts());
     };
     let file = CheckpointFile::in_folder(folder.path());
     let checkpoints = PeriodicCheckpoints::new(file, scene.checkpoint, earlier, figures, describe);

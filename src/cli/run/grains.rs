@@ -194,7 +194,7 @@ impl Reference {
         let (snapshot, before) = self.start.get(&point)?;
         let matrix = |tensor: &Tensor2| <[[f64; 3]; 3]>::from_fn(|i, j| tensor.get(i, j));
         let since = product(&matrix(deformation), &inverse(&matrix(before)));
-        Some((snapshot, Tensor2(std::array::from_fn(|place| since[place / 3][place % 3]))))
+        Some((snapshot, Tensor2::from_rows(&since)))
     }
 
     /// Takes note of the stage of an accepted step, before its grains are drawn.

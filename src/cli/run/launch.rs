@@ -4,7 +4,7 @@ use super::arguments::Arguments;
 use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
 use super::hosts;
-use super::resume::{Continued, RunDescription};
+use super::resume::{Continued, RunDescription, together};
 use crate::engines::{EngineAssignment, PoolDefinitions};
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
@@ -155,6 +155,7 @@ pub(super) fn run(
         error => Failure::new(Exit::WorkersLost, error),
     })?;
     let workers = pool.workers();
+    let before = continued.as_ref().map(|continued| continued.description.hosts.clone()).unwrap_or_default();
     let context = RunContext {
         assignment,
         replicas,
@@ -165,7 +166,7 @@ pub(super) fn run(
         continued,
         interrupt,
         observer: &mut status_file,
-        hosts: &|| hosts.figures(),
+        hosts: &|| together(before.clone(), hosts.figures()),
     };
     execute(scene, pool, folder, context)
 }
@@ -180,8 +181,7 @@ fn replicas_of(scene: &Scene, assignment: &EngineAssignment) -> Result<SamplePla
     }
     let plan = sample(&assignment.replicated_kinds(&scene.materials), &scene.error_estimate);
     if plan.is_empty() && scene.problem.error_control.is_some() {
-        let problem = "rve.error needs Gauss points that the built-in engine solves: the error of other engines is not estimated
-\
+        let problem = "rve.error needs Gauss points that the built-in engine solves: the error of other engines is not estimated\n\
                        hint: give rve.accuracy instead";
         return Err(Failure::new(Exit::BadInput, problem));
     }

@@ -1,6 +1,6 @@
 //! Cells brought to the stress of their Gauss points before the run, with progress for people.
 
-use super::super::heartbeat::Heartbeat;
+use super::super::waiting_progress::WaitingProgress;
 use crate::exit::Failure;
 use crate::stderr::tell;
 use macro_solver::pool::Interrupt;
@@ -14,12 +14,12 @@ use std::time::Instant;
 pub(super) fn prepare_cells(scene: &mut Scene, quiet: bool, interrupt: &Interrupt) -> Result<(), Failure> {
     let Some(planned) = scene.preparation() else { return Ok(()) };
     let begun = Instant::now();
-    let heartbeat = Heartbeat::start(quiet);
+    let progress_line = WaitingProgress::start(quiet);
     let is_done = scene.prepare_cells(&|done| {
-        heartbeat.set(format!("cell {done} of {} brought to its stress", planned.cells));
+        progress_line.set(format!("cell {done} of {} brought to its stress", planned.cells));
         !interrupt.is_raised()
     })?;
-    drop(heartbeat);
+    drop(progress_line);
     if !is_done {
         return Ok(());
     }

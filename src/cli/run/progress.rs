@@ -10,11 +10,16 @@ use std::time::{Duration, Instant};
 /// Positions of the bar over the whole path.
 const RESOLUTION: f64 = 1000.0;
 
+/// Where there is no terminal: after as long without a line, iterations have one too.
+const BETWEEN_LINES: Duration = Duration::from_secs(10);
+
 /// Displays the progress of a run.
 #[derive(Debug)]
 pub(super) struct ProgressDisplay {
     view: View,
     begun: Instant,
+    /// When the last line of a step or an iteration was written.
+    last_line: Instant,
     /// Share of the path at the first step seen: a continued run does not begin at 0.
     first: Option<f64>,
     /// Names of the stages, if there are several.
@@ -38,7 +43,8 @@ impl ProgressDisplay {
         } else {
             View::Lines
         };
-        Self { view, begun: Instant::now(), first: None, stages: Vec::new() }
+        let now = Instant::now();
+        Self { view, begun: now, last_line: now, first: None, stages: Vec::new() }
     }
 
     fn print(&self, line: &str) {
@@ -67,11 +73,15 @@ impl Observer for ProgressDisplay {
     }
 
     fn iterated(&mut self, report: &IterationReport) {
-        if let View::Bar(bar) = &self.view {
-            bar.set_message(format!(
-                "step {} iteration {}: residual {:.1e}",
-                report.step, report.iteration, report.force_ratio
-            ));
+        let text =
+            || format!("step {} iteration {}: residual {:.1e}", report.step, report.iteration, report.force_ratio);
+        match &self.view {
+            View::Bar(bar) => bar.set_message(text()),
+            View::Lines if self.last_line.elapsed() > BETWEEN_LINES => {
+                self.last_line = Instant::now();
+                tell(text());
+            }
+            View::Lines | View::Nothing => {}
         }
     }
 
@@ -80,6 +90,7 @@ impl Observer for ProgressDisplay {
         match &self.view {
             View::Bar(bar) => bar.set_position((report.share * RESOLUTION) as u64),
             View::Lines => {
+                self.last_line = Instant::now();
                 let elapsed = self.begun.elapsed().as_secs_f64();
                 let covered = report.share - first;
                 let left = if covered > 0.0 { elapsed / covered * (1.0 - report.share) } else { f64::NAN };
@@ -97,8 +108,8 @@ impl Observer for ProgressDisplay {
 
     fn cut_back(&mut self, event: &CutBack) {
         self.print(&format!(
-            "step {:>3}  cut back from {:.2e} to {:.2e} of the path: {}",
-            event.step, event.from, event.to, event.reason
+            "step {:>3}  cut back from {:.2e} to {:.2e} of the path after {} iterations, {} evaluations: {}",
+            event.step, event.from, event.to, event.cost.iterations, event.cost.evaluations, event.reason
         ));
     }
 

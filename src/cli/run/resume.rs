@@ -39,6 +39,20 @@ pub(super) struct RunDescription {
     pub(super) wall_s: f64,
     /// Cost of checkpoints so far.
     pub(super) figures: CheckpointFigures,
+    /// What happened between hosts so far, by name.
+    #[serde(default)]
+    pub(super) hosts: HostFigures,
+}
+
+/// What happened between hosts, by name.
+pub(super) type HostFigures = BTreeMap<String, u64>;
+
+/// The figures of two parts of a run together.
+pub(super) fn together(mut before: HostFigures, later: HostFigures) -> HostFigures {
+    for (name, count) in later {
+        *before.entry(name).or_default() += count;
+    }
+    before
 }
 
 /// What decides the results of a run and does not stand in its scene.
@@ -97,8 +111,16 @@ impl Contents {
 
 impl RunDescription {
     /// Puts the description into an archive.
-    pub(super) fn put(&self, archive: &mut Archive, mark: Progress, wall_s: f64, figures: &CheckpointFigures) {
-        let description = Self { step: mark.step, load: mark.load, wall_s, figures: figures.clone(), ..self.clone() };
+    pub(super) fn put(
+        &self,
+        archive: &mut Archive,
+        mark: Progress,
+        wall_s: f64,
+        figures: &CheckpointFigures,
+        hosts: HostFigures,
+    ) {
+        let (step, load, figures) = (mark.step, mark.load, figures.clone());
+        let description = Self { step, load, wall_s, figures, hosts, ..self.clone() };
         archive.put(SECTION, VERSION, &description);
     }
 
@@ -118,6 +140,7 @@ impl RunDescription {
             load: 0.0,
             wall_s: 0.0,
             figures: CheckpointFigures::default(),
+            hosts: HostFigures::default(),
         }
     }
 }
@@ -301,7 +324,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut archive = Archive::new();
         let mark = Progress { step: 1, stage: 0, load: 0.5 };
-        note("a = 1").put(&mut archive, mark, 1.0, &CheckpointFigures::default());
+        let hosts = HostFigures::from([("agents_lost".to_owned(), 2)]);
+        note("a = 1").put(&mut archive, mark, 1.0, &CheckpointFigures::default(), hosts);
         CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
         fs::write(folder.path().join("scene.toml"), "b = 1").unwrap();
         folder
@@ -315,6 +339,18 @@ mod tests {
         };
         assert!(continued.remarks.iter().any(|remark| remark.contains("restored from")), "{:?}", continued.remarks);
         assert_eq!(fs::read_to_string(folder.path().join("scene.toml")).unwrap(), "a = 1");
+    }
+
+    /// Agents that an earlier process of the run had lost were none in its summary.
+    #[test]
+    fn what_happened_between_hosts_is_counted_over_all_processes() {
+        let folder = damaged();
+        let Start::From(continued) = start(folder.path(), &note("a = 1"), &[]).unwrap() else {
+            panic!("not continued")
+        };
+        let later = [("agents_lost", 1), ("agents_joined", 3)].map(|(name, count)| (name.to_owned(), count));
+        let all = together(continued.description.hosts, later.into());
+        assert_eq!((all["agents_lost"], all["agents_joined"]), (3, 3));
     }
 
     /// The remedy must not name the file that is damaged as the one to continue with.
@@ -409,7 +445,13 @@ mod tests {
             let now = RunDescription { program: program.to_owned(), ..note("a = 1") };
             let Start::From(continued) = start(folder.path(), &now, &[]).unwrap() else { panic!("not continued") };
             let mut archive = Archive::new();
-            now.of(Some(&continued)).put(&mut archive, mark, 1.0, &CheckpointFigures::default());
+            now.of(Some(&continued)).put(
+                &mut archive,
+                mark,
+                1.0,
+                &CheckpointFigures::default(),
+                HostFigures::default(),
+            );
             CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
             (continued.other_build, continued.remarks.len())
         };

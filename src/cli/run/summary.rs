@@ -97,6 +97,8 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         worker_restarts: pool.worker_restarts,
         reissued_jobs: pool.reissued,
         cut_backs: statistics.cut_backs,
+        failed_evaluations: statistics.failed_evaluations,
+        failed_force_evaluations: statistics.failed_force_evaluations,
         initial_imbalance: statistics.initial_imbalance,
         prepared: prepared(inputs.prepared),
         initial_deviation: statistics.initial_deviation,
@@ -111,6 +113,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
             rve_s: pool.rve_s,
             tangent_s: pool.tangent_s,
             transport_s: pool.transport_s,
+            macro_transport_s: pool.macro_transport_s,
             assembly_s: seconds(statistics.assembly_nanoseconds),
             linear_solver_s: seconds(statistics.linear_solver_nanoseconds),
             // A worker waits while an evaluation is under way, and all of them while the macro does anything else.
@@ -255,8 +258,8 @@ mod tests {
     use macro_solver::checkpoint::CheckpointError;
     use macro_solver::problem::ProblemError;
 
-    fn ended(outcome: Outcome, statistics: Statistics, pool: &PoolStatistics) -> (Summary, String) {
-        let inputs = SummaryInputs {
+    fn inputs() -> SummaryInputs {
+        SummaryInputs {
             gauss_points: 8,
             reason: None,
             workers: 2,
@@ -274,7 +277,19 @@ mod tests {
             hosts: BTreeMap::new(),
             prepared: None,
             packings: PackingCounts::default(),
-        };
+        }
+    }
+
+    fn ended(outcome: Outcome, statistics: Statistics, pool: &PoolStatistics) -> (Summary, String) {
+        ended_with(inputs(), outcome, statistics, pool)
+    }
+
+    fn ended_with(
+        inputs: SummaryInputs,
+        outcome: Outcome,
+        statistics: Statistics,
+        pool: &PoolStatistics,
+    ) -> (Summary, String) {
         let run = Run { outcome, stage: 0, load: 1.0, step: 2, statistics };
         let summary = summary(&run, pool, inputs);
         let text = closing_lines(&summary, &run, 1, false, "out/a");
@@ -292,6 +307,21 @@ mod tests {
         found.sort();
         known.sort();
         assert_eq!(found, known);
+    }
+
+    /// A motion that has lost its energy balance is no good run, however short it was.
+    #[test]
+    fn a_motion_off_its_energy_balance_is_warned_of() {
+        let statistics = Statistics { steps: 4, time_steps: 17, ..Statistics::default() };
+        for (residual, warned) in [(0.05, false), (1.28, true)] {
+            let dynamics = BTreeMap::from([("energy_residual".to_owned(), residual)]);
+            let inputs = SummaryInputs { dynamics, ..inputs() };
+            let (summary, text) =
+                ended_with(inputs, Outcome::Completed, statistics.clone(), &PoolStatistics::default());
+            assert_eq!(text.contains("energy balance of the motion off by up to 128 %"), warned, "{text}");
+            assert!(text.contains("done: 4 steps, 0 iterations, 17 time steps in"), "{text}");
+            assert_eq!((summary.steps, summary.time_steps), (4, 17));
+        }
     }
 
     #[test]

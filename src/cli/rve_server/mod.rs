@@ -15,6 +15,9 @@ use std::time::Duration;
 /// States that a worker keeps: about 15 MB at 400 discs, enough for the points of a two-worker run of the shipped scene.
 const STATE_CACHE: u32 = 256;
 
+/// Longest wait for a run, s: a month.
+const LONGEST_TIMEOUT: u64 = 31 * 24 * 3600;
+
 /// Arguments of `grainspan rve-server`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example, in two terminals:
@@ -37,7 +40,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = STATE_CACHE)]
     state_cache: u32,
     /// Seconds to wait for the run to appear
-    #[arg(long, alias = "patience", value_name = "SECONDS", default_value_t = 5)]
+    #[arg(long, alias = "patience", value_name = "SECONDS", default_value_t = 5,
+          value_parser = clap::value_parser!(u64).range(..=LONGEST_TIMEOUT))]
     timeout: u64,
     /// End when this process, which must be the parent, ends
     #[arg(long, value_name = "PID", hide = true)]
@@ -85,7 +89,7 @@ fn serve_one(
     let options = ServeOptions { state_cache: arguments.state_cache, ..ServeOptions::new(&arguments.run) };
     let served = serve(&mut *(engine.create)(), &mut port, &options);
     drop(port);
-    // The run may have ended without removing its memory; a live one is left alone. There is nobody to report a failure to.
+    // The run may have ended without removing its memory; a live one is left alone. No one is left to report a failure to.
     let timeout = if matches!(served, Ok(ExitReason::MacroLost(_))) { RUN_END_TIMEOUT } else { Duration::ZERO };
     let _ = RunDirectory::remove_once_dead(&arguments.run, timeout);
     served

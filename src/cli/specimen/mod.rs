@@ -132,7 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     let checkpoint = output.checkpoint.take();
     // A test that could not begin has no table.
-    if !matches!(ended, Err(SpecimenError::Test(_))) {
+    if !matches!(ended, Err(SpecimenError::Test(_) | SpecimenError::Packing(_))) {
         output.finish(arguments.out.as_deref())?;
     }
     match ended {
@@ -155,6 +155,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             Ok(if summary.unbalanced_stages > 0 { Exit::NotConverged } else { Exit::Done })
         }
         Err(SpecimenError::Test(reason)) => Err(document.table_error(reason).into()),
+        Err(SpecimenError::Packing(reason)) => Err(document.error_at_key(&["packing"], reason).into()),
         Err(reason) => Err(Failure::new(Exit::NotConverged, format!("{}: {reason}", arguments.test.display()))),
     }
 }

@@ -62,7 +62,7 @@ impl<'a> Collector<'a> {
         let strain = if self.strain == PathStrain::ShearXy { f[0][1] } else { 1.0 - stretch };
         self.path.strain.push(strain);
         let volume = determinant(f);
-        let stress = Tensor2(std::array::from_fn(|place| row.stress[place / 3][place % 3]));
+        let stress = Tensor2::from_rows(&row.stress);
         let axes = if row.dimension == 2 { Axes::Plane } else { Axes::Space };
         let stress_ratio = StressMeasure::PrincipalRatio(Rank::Major, Rank::Minor, axes).of(&stress);
         self.kept.push(Kept { axial: -stretch.ln(), volume: volume.ln(), stress_ratio });

@@ -246,8 +246,50 @@ fn keys_of_relaxation_and_dynamics_are_named_where_they_stand() {
 fn two_sets_that_share_a_node_are_named_with_its_place() {
     let input = InputFolder::new();
     let more = "boundary.1={ set = 'left', displacement = { y = 1e-3 } }";
-    let said = ["(0.0000, 0.0000, 0.0000) m", "'left'", "hint: a node follows one condition along each axis"];
+    let said = [
+        "--set boundary.1={",
+        "(0.0000, 0.0000, 0.0000) m",
+        "'left'",
+        "hint: a node follows one condition along each axis",
+    ];
     input.refused(&["check", "scene.toml", "--set", more], &said);
+}
+
+/// What only the solver finds wrong with a condition had no place.
+#[test]
+fn conditions_that_do_not_fit_are_named_where_they_stand() {
+    let input = InputFolder::new();
+    let text = fs::read_to_string(input.path("scene.toml")).unwrap();
+    let first = text.lines().count() + 1;
+    for (tables, line, words) in [
+        (
+            "[[friction]]\nset = \"all\"\nfactor = 0.9\n[[friction]]\nname = \"b\"\nset = \"all\"\nfactor = 0.5\n",
+            5,
+            "is given twice",
+        ),
+        ("[[periodic]]\nfrom = \"left\"\nto = \"top\"\n", 1, "has no partner"),
+        ("[[traction]]\nset = \"top\"\nvalue = { z = 1.0 }\n", 1, "no direction z"),
+        ("[[radial_displacement]]\nset = \"bottom_left\"\ndisplacement = 1e-3\n", 1, "has no direction along which"),
+        (
+            "[[stage]]\nname = \"a\"\n[[stage]]\nname = \"b\"\n[[stage.boundary]]\nset = \"left\"\ndisplacement = { y = 1e-3 }\n",
+            5,
+            "two different displacements",
+        ),
+    ] {
+        fs::write(input.path("scene.toml"), format!("{text}{tables}")).unwrap();
+        input.refused(&["check", "scene.toml"], &[&format!("scene.toml:{}: ", first + line), words]);
+    }
+    fs::write(input.path("scene.toml"), &text).unwrap();
+    let arc = "loading.control={ arc_length = { first_load = 0.1, set = 'top', component = 'z' } }";
+    input.refused(&["check", "scene.toml", "--set", arc], &["--set loading.control", "no direction z"]);
+}
+
+/// Its deadline was past the end of the clock, and the worker panicked.
+#[test]
+fn a_wait_without_end_is_refused() {
+    let input = InputFolder::new();
+    let most = u64::MAX.to_string();
+    input.refused(&["rve-server", "--run", "nowhere", "--timeout", &most], &["--timeout", "2678400"]);
 }
 
 #[test]

@@ -229,6 +229,9 @@ fn specimens_that_are_not_sound_are_refused() {
         ("contact.damping=-1.0", "contact.damping must be at least 0, not -1"),
         ("stage.1.shear={xy=0.1}", "set walls.friction, or glue = [\"y\"]"),
         ("region=[{from=[0.0, 0.0], to=[1.0, 1.0], share=2.0}]", "share = 2 must be above 0 and at most 1"),
+        ("region=[{from=[0.0, 0.0], to=[0.1, 0.1], number=400}]", "400 grains are to be removed, but the box holds"),
+        ("walls.glue_depth=1e-4", "walls.glue_depth is not used"),
+        ("stage.1.name=isotropic", "stage 2: there is a stage 'isotropic' before it"),
     ] {
         let (code, text, _) = run(&site, &["specimen", scene, "--set", change]);
         assert!(code == 2 && text.contains(words), "{change}: {code}, {text}");
@@ -244,7 +247,7 @@ fn specimens_that_are_not_sound_are_refused() {
     let more = ["--set", "stage.1.strain={}"];
     let (code, text, _) = run(&site, &[&["specimen", scene][..], &leaning[..], &more[..]].concat());
     assert!(
-        code != 0 && text.contains("leans by 0.02") && text.contains("use a packing whose cell is upright"),
+        code == 2 && text.contains("leans by 0.02") && text.contains("use a packing whose cell is upright"),
         "{text}"
     );
 }

@@ -102,7 +102,7 @@ fn a_path_has_the_rows_of_an_element_test() {
         let target = product(&product(&change, &deformation), &inverse(&deformation));
         (deformation[0][0], deformation[1][1]) = (values[1], values[4]);
         let options = TrialOptions { observables: Observables::ALL, ..TrialOptions::default() };
-        let target = Tensor2(std::array::from_fn(|place| target[place / 3][place % 3]));
+        let target = Tensor2::from_rows(&target);
         let request = Trial { state: states[0], target, options };
         let result = pool.trial(&[request]).unwrap().remove(0);
         pool.commit(&states).unwrap();

@@ -251,7 +251,7 @@ fn misfit(samples: &[Sample], parameters: &Parameters) -> f64 {
     samples.iter().map(|sample| sample.weight * (sample.value - ridge(sample.place, parameters).0).powi(2)).sum()
 }
 
-/// Levenberg-Marquardt steps until they change nothing, at most `MOST_STEPS`.
+/// Levenberg-Marquardt steps until they change nothing, at most `most_steps`.
 fn improved(samples: &[Sample], start: Parameters, most_steps: usize) -> Parameters {
     let (mut best, mut least) = (start, misfit(samples, &start));
     let mut damping = 1e-3;

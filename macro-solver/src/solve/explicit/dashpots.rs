@@ -3,7 +3,7 @@
 //! An absorbing side carries the traction `-rho (c_p n n + c_s (I - n n)) v` (Lysmer and Kuhlemeyer 1969), which lets plane waves that
 //! arrive at a right angle out entirely. Dampers at nodes are taken at the middle of the two half steps, which is stable for any strength.
 
-use super::specimen::Specimen;
+use super::stage_context::StageContext;
 use crate::element::side::side_shapes;
 use crate::mesh::Side;
 use crate::model::assembly::isotropic::Isotropic;
@@ -60,15 +60,15 @@ impl Dashpots {
 
     /// Those of a stage, with the stiffness `stiffness` of every point and the factors `scale_factors` on the masses of the elements:
     /// waves come with the impedance that the mass has.
-    pub(super) fn of_stage(specimen: &Specimen<'_>, stiffness: &[Isotropic], scale_factors: &[f64]) -> Self {
-        let sides_of = |name: &String| specimen.problem.sides(name).expect("checked before the run");
+    pub(super) fn of_stage(context: &StageContext<'_>, stiffness: &[Isotropic], scale_factors: &[f64]) -> Self {
+        let sides_of = |name: &String| context.problem.sides(name).expect("checked before the run");
         // A side that two sets share absorbs once.
         let mut known = BTreeSet::new();
-        let sides = specimen.settings.absorbing.iter().flat_map(sides_of).copied();
+        let sides = context.settings.absorbing.iter().flat_map(sides_of).copied();
         let sides: Vec<Side> = sides.filter(|side| known.insert(*side)).collect();
-        let first = |element: usize| stiffness[specimen.body.points_of(element).start];
-        let density = |element: usize| specimen.settings.density_of(element) * scale_factors[element];
-        Self::new(specimen.body, &sides, density, first)
+        let first = |element: usize| stiffness[context.body.points_of(element).start];
+        let density = |element: usize| context.settings.density_of(element) * scale_factors[element];
+        Self::new(context.body, &sides, density, first)
     }
 
     /// Whether a node belongs to an absorbing side.

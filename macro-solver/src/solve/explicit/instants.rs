@@ -6,7 +6,7 @@ use super::dashpots::next_velocity;
 use super::energy::Forces;
 use super::integrator::Integrator;
 use super::masses::element_masses;
-use super::specimen::Specimen;
+use super::stage_context::StageContext;
 use crate::element::hourglass::HourglassControl;
 use crate::model::assembly::forces::Motion;
 use crate::model::stable_step::limits;
@@ -16,35 +16,35 @@ use nalgebra::Vector3;
 
 impl Integrator {
     /// Forces, velocities and the ledger at the start.
-    pub(super) fn first_instant(&mut self, specimen: &Specimen<'_>, carried: &Carried) {
-        for given in &specimen.settings.initial_velocities {
-            let axes = specimen.problem.mesh.dimension.count();
-            for &node in specimen.problem.nodes(&given.nodes).expect("checked before the run") {
+    pub(super) fn first_instant(&mut self, context: &StageContext<'_>, carried: &Carried) {
+        for given in &context.settings.initial_velocities {
+            let axes = context.problem.mesh.dimension.count();
+            for &node in context.problem.nodes(&given.nodes).expect("checked before the run") {
                 self.velocity[axes * node..axes * (node + 1)].copy_from_slice(&given.value[..axes]);
             }
         }
         for dof in 0..self.velocity.len() {
             // A support that starts to move has its velocity from the start, unless its history says how it starts: only then and at free
             // nodes there is an acceleration.
-            if let Some(velocity) = self.prescribed_velocity(specimen, dof) {
-                self.velocity[dof] = specimen.constraints.velocity_at_start(dof).unwrap_or(velocity);
+            if let Some(velocity) = self.prescribed_velocity(context, dof) {
+                self.velocity[dof] = context.constraints.velocity_at_start(dof).unwrap_or(velocity);
             }
         }
         let mut velocity = std::mem::take(&mut self.velocity);
-        self.apply_constraints(specimen, &mut velocity, None);
+        self.apply_constraints(context, &mut velocity, None);
         self.velocity = velocity;
         self.ahead.clone_from(&self.velocity);
-        self.collect_forces(specimen);
-        let axes = specimen.problem.mesh.dimension.count();
-        let absorbs = |dof: usize| self.dashpots.is_absorbing(dof / axes) && !specimen.constraints.is_given(dof);
-        let is_linked_as_before = carried.linked_as_before(specimen.constraints);
+        self.collect_forces(context);
+        let axes = context.problem.mesh.dimension.count();
+        let absorbs = |dof: usize| self.dashpots.is_absorbing(dof / axes) && !context.constraints.is_given(dof);
+        let is_linked_as_before = carried.linked_as_before(context.constraints);
         let begun = carried.loads_begun(&self.forces.loads);
         // Linked nodes too: each bears its own share, and links do no work.
         let borne =
             |dof: usize| carried.support(dof, -(self.driving_force(dof) - begun[dof]), is_linked_as_before[dof]);
         self.held = (0..self.velocity.len()).map(|dof| if absorbs(dof) { borne(dof) } else { 0.0 }).collect();
         add(&mut self.forces.loads, &self.held);
-        let rate = specimen.settings.damping.mass;
+        let rate = context.settings.damping.mass;
         for node in 0..self.masses.len() {
             let damper = self.dashpots.of_node(node, self.masses[node], rate);
             let velocity = triple(&self.velocity, axes, node);
@@ -52,11 +52,11 @@ impl Integrator {
             for axis in 0..axes {
                 let dof = axes * node + axis;
                 self.forces.dashpots[dof] = dashpot[axis];
-                if !specimen.constraints.is_prescribed(dof) {
+                if !context.constraints.is_prescribed(dof) {
                     self.acceleration[dof] = (self.driving_force(dof) - dashpot[axis]) / self.masses[node];
                     self.ahead[dof] = self.velocity[dof] + 0.5 * self.step * self.acceleration[dof];
-                } else if specimen.constraints.velocity_at_start(dof).is_some()
-                    && let Some(ahead) = self.prescribed_velocity(specimen, dof)
+                } else if context.constraints.velocity_at_start(dof).is_some()
+                    && let Some(ahead) = self.prescribed_velocity(context, dof)
                 {
                     self.acceleration[dof] = (ahead - self.velocity[dof]) / (0.5 * self.step);
                     self.ahead[dof] = ahead;
@@ -64,12 +64,12 @@ impl Integrator {
             }
         }
         let mut ahead = std::mem::take(&mut self.ahead);
-        self.apply_constraints(specimen, &mut ahead, None);
+        self.apply_constraints(context, &mut ahead, None);
         for dof in self.velocity_constraints.tied() {
             self.acceleration[dof] = (ahead[dof] - self.velocity[dof]) / (0.5 * self.step);
         }
         self.ahead = ahead;
-        self.find_reactions(specimen, axes);
+        self.find_reactions(context, axes);
         let per_freedom = self.acceleration.iter().enumerate();
         let left: f64 =
             per_freedom.map(|(dof, rate)| self.masses[dof / axes] * (rate * self.step).powi(2) / 8.0).sum();
@@ -80,22 +80,22 @@ impl Integrator {
     /// been updated, so that the step may be chosen again.
     pub(super) fn next_instant(
         &mut self,
-        specimen: &Specimen<'_>,
+        context: &StageContext<'_>,
         path: &[f64],
         renews: bool,
     ) -> Result<(), Outcome> {
         let before = self.forces.clone();
         let last_step = self.step;
-        self.collect_forces(specimen);
-        if renews && self.done < self.total && matches!(specimen.settings.step, StepRule::Stable { .. }) {
-            let masses = element_masses(specimen.body, specimen.settings).map_err(Outcome::Refused)?;
-            let limits = limits(&self.laws(specimen), specimen.constraints, &masses);
-            self.choose_step(specimen, &limits);
+        self.collect_forces(context);
+        if renews && self.done < self.total && matches!(context.settings.step, StepRule::Stable { .. }) {
+            let masses = element_masses(context.body, context.settings).map_err(Outcome::Refused)?;
+            let limits = limits(&self.laws(context), context.constraints, &masses);
+            self.choose_step(context, &limits);
         }
         let mean_step = 0.5 * (last_step + self.step);
-        let axes = specimen.problem.mesh.dimension.count();
-        let rate = specimen.settings.damping.mass;
-        let mut next = specimen.body.zero();
+        let axes = context.problem.mesh.dimension.count();
+        let rate = context.settings.damping.mass;
+        let mut next = context.body.zero();
         for node in 0..self.masses.len() {
             let damper = self.dashpots.of_node(node, self.masses[node], rate);
             let behind = triple(&self.ahead, axes, node);
@@ -104,13 +104,13 @@ impl Integrator {
                 false => 0.0,
             });
             let prescribed = std::array::from_fn(|axis| match axis < axes {
-                true => self.prescribed_velocity(specimen, axes * node + axis),
+                true => self.prescribed_velocity(context, axes * node + axis),
                 false => None,
             });
             let velocity = next_velocity(axes, self.masses[node], &damper, mean_step, &behind, &force, prescribed);
             (0..axes).for_each(|axis| next[axes * node + axis] = velocity[axis]);
         }
-        self.apply_constraints(specimen, &mut next, Some(mean_step));
+        self.apply_constraints(context, &mut next, Some(mean_step));
         for node in 0..self.masses.len() {
             let damper = self.dashpots.of_node(node, self.masses[node], rate);
             let (behind, ahead) = (triple(&self.ahead, axes, node), triple(&next, axes, node));
@@ -124,27 +124,27 @@ impl Integrator {
                 self.forces.dashpots[dof] = dashpot[axis];
             }
         }
-        self.find_reactions(specimen, axes);
-        let set_off = self.set_off(specimen, &before, mean_step);
+        self.find_reactions(context, axes);
+        let set_off = self.set_off(context, &before, mean_step);
         self.monitor.step(path, &before, &self.forces, self.kinetic_energy(axes), set_off);
         // Dashpots store nothing: what they have taken since the stage began.
-        if let HourglassControl::Viscous { .. } = specimen.problem.hourglass {
+        if let HourglassControl::Viscous { .. } = context.problem.hourglass {
             self.hourglass_energy = self.monitor.balance.hourglass;
         }
         Ok(())
     }
 
     /// All forces of the instant but those that depend on its own velocity.
-    fn collect_forces(&mut self, specimen: &Specimen<'_>) {
-        let elements = self.laws(specimen).forces(Motion {
-            geometry: specimen.body.settled_geometry(),
-            displacements: &specimen.body.displacements,
+    fn collect_forces(&mut self, context: &StageContext<'_>) {
+        let elements = self.laws(context).forces(Motion {
+            geometry: context.body.settled_geometry(),
+            displacements: &context.body.displacements,
             velocity: &self.ahead,
         });
-        let positions = specimen.body.positions(&specimen.body.zero());
-        let mut loads = specimen.loads.force(&positions, self.moment(specimen, self.time()));
+        let positions = context.body.positions(&context.body.zero());
+        let mut loads = context.loads.force(&positions, self.moment(context, self.time()));
         add(&mut loads, &self.held);
-        if let HourglassControl::Stiffness { .. } = specimen.problem.hourglass {
+        if let HourglassControl::Stiffness { .. } = context.problem.hourglass {
             self.hourglass_energy = elements.hourglass_energy;
         }
         self.forces = Forces {
@@ -152,8 +152,8 @@ impl Integrator {
             hourglass: elements.hourglass,
             viscous: elements.viscous,
             loads,
-            dashpots: specimen.body.zero(),
-            reactions: specimen.body.zero(),
+            dashpots: context.body.zero(),
+            reactions: context.body.zero(),
         };
     }
 
@@ -165,13 +165,13 @@ impl Integrator {
 
     /// Moves velocities of the coming step onto the constraints. After a change over `mean_step` (s) nodes resist by their masses and dampers;
     /// at the start, `None`, by their masses alone.
-    fn apply_constraints(&mut self, specimen: &Specimen<'_>, velocity: &mut [f64], mean_step: Option<f64>) {
+    fn apply_constraints(&mut self, context: &StageContext<'_>, velocity: &mut [f64], mean_step: Option<f64>) {
         if self.velocity_constraints.is_empty() {
             return;
         }
-        let next = self.moment(specimen, self.time() + self.step);
-        let given = given_velocities(specimen.constraints, &specimen.body.displacements, next, self.step);
-        let (axes, rate) = (specimen.problem.mesh.dimension.count(), specimen.settings.damping.mass);
+        let next = self.moment(context, self.time() + self.step);
+        let given = given_velocities(context.constraints, &context.body.displacements, next, self.step);
+        let (axes, rate) = (context.problem.mesh.dimension.count(), context.settings.damping.mass);
         let (masses, dashpots) = (&self.masses, &self.dashpots);
         let weight = |dof: usize| {
             let (node, axis) = (dof / axes, dof % axes);
@@ -183,9 +183,9 @@ impl Integrator {
         self.velocity_constraints.keep(velocity, weight, &given);
     }
 
-    fn find_reactions(&mut self, specimen: &Specimen<'_>, axes: usize) {
+    fn find_reactions(&mut self, context: &StageContext<'_>, axes: usize) {
         for dof in 0..self.acceleration.len() {
-            if !specimen.constraints.is_unloaded(dof) {
+            if !context.constraints.is_unloaded(dof) {
                 self.forces.reactions[dof] = self.masses[dof / axes] * self.acceleration[dof]
                     + self.forces.dashpots[dof]
                     - self.driving_force(dof);
@@ -194,19 +194,19 @@ impl Integrator {
     }
 
     /// Velocity of a prescribed degree of freedom over the coming step: that which meets its displacement exactly.
-    fn prescribed_velocity(&self, specimen: &Specimen<'_>, dof: usize) -> Option<f64> {
-        let next = self.moment(specimen, self.time() + self.step);
-        let target = specimen.constraints.prescribed(dof, next)?;
-        Some((target - specimen.body.displacements[dof]) / self.step)
+    fn prescribed_velocity(&self, context: &StageContext<'_>, dof: usize) -> Option<f64> {
+        let next = self.moment(context, self.time() + self.step);
+        let target = context.constraints.prescribed(dof, next)?;
+        Some((target - context.body.displacements[dof]) / self.step)
     }
 
     /// Energy of the velocities at the instant that changes of loads since the one `before`, and the accelerations of supports, have given
     /// over half a step, J. The response of the body is no part of it.
-    fn set_off(&self, specimen: &Specimen<'_>, before: &Forces, step: f64) -> f64 {
-        let axes = specimen.problem.mesh.dimension.count();
+    fn set_off(&self, context: &StageContext<'_>, before: &Forces, step: f64) -> f64 {
+        let axes = context.problem.mesh.dimension.count();
         let of = |dof: usize| {
             let mass = self.masses[dof / axes];
-            let force = match specimen.constraints.is_prescribed(dof) {
+            let force = match context.constraints.is_prescribed(dof) {
                 true => mass * self.acceleration[dof],
                 false => self.forces.loads[dof] - before.loads[dof],
             };

@@ -9,7 +9,7 @@ use super::constrained_velocities::VelocityConstraints;
 use super::dashpots::Dashpots;
 use super::energy::{BalanceViolation, Forces, Monitor};
 use super::masses::{element_masses, nodal_masses, scale_factors};
-use super::specimen::Specimen;
+use super::stage_context::StageContext;
 use crate::element::PointGeometry;
 use crate::material::PointMaterial;
 use crate::model::assembly::forces::ElementLaws;
@@ -30,9 +30,11 @@ const STIFFEST: TangentKind = TangentKind::TrussLike;
 /// A dynamic stage under way.
 #[derive(Clone, Debug)]
 pub(crate) struct Integrator {
+    /// Bulk viscosity of the elements.
     pub(super) viscosity: Viscosity,
+    /// By Gauss point, isotropic moduli of the state at the start of the stage, which bound the step.
     pub(super) stiffness: Vec<Isotropic>,
-    /// By element, what the step is bounded by.
+    /// By element, factor on its masses by mass scaling.
     pub(super) scale_factors: Vec<f64>,
     /// By node, kg.
     pub(super) masses: Vec<f64>,
@@ -71,34 +73,34 @@ impl Integrator {
     /// # Errors
     /// The end of the run: a problem that does not fit, or points that cannot be evaluated.
     pub(crate) fn start(
-        specimen: &mut Specimen<'_>,
+        context: &mut StageContext<'_>,
         carried: Carried,
         material: &mut dyn PointMaterial,
     ) -> Result<Self, Outcome> {
-        let still = vec![Matrix3::zeros(); specimen.points.all().len()];
-        specimen.points.start_step();
-        specimen.points.fix_ramps(&still);
-        specimen.evaluate_points(&still, Moment { load: 0.0, time: 0.0 }, STIFFEST, material)?;
+        let still = vec![Matrix3::zeros(); context.points.all().len()];
+        context.points.start_step();
+        context.points.fix_ramps(&still);
+        context.evaluate_points(&still, Moment { load: 0.0, time: 0.0 }, STIFFEST, material)?;
         material.rollback();
-        specimen.points.forget_trials();
-        let (dimension, formulation) = (specimen.problem.mesh.dimension, specimen.problem.formulation);
-        let settings = specimen.settings;
-        let stiffness: Vec<Isotropic> = specimen
+        context.points.forget_trials();
+        let (dimension, formulation) = (context.problem.mesh.dimension, context.problem.formulation);
+        let settings = context.settings;
+        let stiffness: Vec<Isotropic> = context
             .points
             .all()
             .iter()
             .map(|point| Isotropic::of(dimension, &point.total(formulation).moduli))
             .collect();
         let viscosity = Viscosity::new(settings.damping, settings.viscosity, settings.density);
-        let dashpots = Dashpots::of_stage(specimen, &stiffness, &vec![1.0; specimen.problem.mesh.elements.len()]);
-        let velocity_constraints = specimen.velocity_constraints(&dashpots).map_err(Outcome::Refused)?;
+        let dashpots = Dashpots::of_stage(context, &stiffness, &vec![1.0; context.problem.mesh.elements.len()]);
+        let velocity_constraints = context.velocity_constraints(&dashpots).map_err(Outcome::Refused)?;
         let mut integrator = Self {
             viscosity,
             scale_factors: Vec::new(),
             masses: Vec::new(),
             added_mass: 0.0,
             dashpots,
-            held: specimen.body.zero(),
+            held: context.body.zero(),
             velocity_constraints,
             stiffness,
             step: 0.0,
@@ -106,43 +108,43 @@ impl Integrator {
             time_before: 0.0,
             done: 0,
             total: 0,
-            ahead: specimen.body.zero(),
-            velocity: carried.velocity.clone().unwrap_or_else(|| specimen.body.zero()),
-            acceleration: specimen.body.zero(),
+            ahead: context.body.zero(),
+            velocity: carried.velocity.clone().unwrap_or_else(|| context.body.zero()),
+            acceleration: context.body.zero(),
             forces: Forces::default(),
             hourglass_energy: 0.0,
             monitor: Monitor::new(settings.energy_tolerance, settings.longest_excess),
             gradients_since_report: still.clone(),
             gradients: still,
         };
-        integrator.choose_masses_and_step(specimen)?;
-        integrator.first_instant(specimen, &carried);
+        integrator.choose_masses_and_step(context)?;
+        integrator.first_instant(context, &carried);
         Ok(integrator)
     }
 
-    fn choose_masses_and_step(&mut self, specimen: &Specimen<'_>) -> Result<(), Outcome> {
-        let masses = element_masses(specimen.body, specimen.settings).map_err(Outcome::Refused)?;
-        let limits = limits(&self.laws(specimen), specimen.constraints, &masses);
-        self.scale_factors = scale_factors(specimen.settings, &limits);
-        self.dashpots = Dashpots::of_stage(specimen, &self.stiffness, &self.scale_factors);
-        (self.masses, self.added_mass) = nodal_masses(specimen.body, &masses, &self.scale_factors);
-        self.choose_step(specimen, &limits);
+    fn choose_masses_and_step(&mut self, context: &StageContext<'_>) -> Result<(), Outcome> {
+        let masses = element_masses(context.body, context.settings).map_err(Outcome::Refused)?;
+        let limits = limits(&self.laws(context), context.constraints, &masses);
+        self.scale_factors = scale_factors(context.settings, &limits);
+        self.dashpots = Dashpots::of_stage(context, &self.stiffness, &self.scale_factors);
+        (self.masses, self.added_mass) = nodal_masses(context.body, &masses, &self.scale_factors);
+        self.choose_step(context, &limits);
         Ok(())
     }
 
     /// Divides what is left of the stage into equal steps.
-    pub(super) fn choose_step(&mut self, specimen: &Specimen<'_>, limits: &[ElementLimits]) {
+    pub(super) fn choose_step(&mut self, context: &StageContext<'_>, limits: &[ElementLimits]) {
         let critical = limits
             .iter()
             .zip(&self.scale_factors)
             .map(|(limits, factor)| limits.scaled(*factor).step())
             .fold(f64::INFINITY, f64::min);
-        let wanted = match specimen.settings.step {
+        let wanted = match context.settings.step {
             StepRule::Stable { safety } => safety * critical,
             StepRule::Fixed { step } => step,
         };
         let now = self.time();
-        let left = specimen.stage.duration - now;
+        let left = context.stage.duration - now;
         // A sliver of a step at the end would only be rounding.
         let steps = (left / wanted - 1e-9).ceil().max(1.0);
         self.origin = (now, self.done);
@@ -156,39 +158,37 @@ impl Integrator {
     /// The end of the run; [`Outcome::Unstable`] names the step and the remedy.
     pub(crate) fn advance(
         &mut self,
-        specimen: &mut Specimen<'_>,
+        context: &mut StageContext<'_>,
         material: &mut dyn PointMaterial,
     ) -> Result<(), Outcome> {
         let path: Vec<f64> = self.ahead.iter().map(|velocity| velocity * self.step).collect();
-        self.gradients = specimen.body.gradients(&path);
+        self.gradients = context.body.gradients(&path);
         let is_sound = |gradient: &Matrix3<f64>| (Matrix3::identity() + gradient).determinant() > 0.0;
         if let Some(point) = self.gradients.iter().position(|gradient| !is_sound(gradient)) {
             return Err(self.unstable(format!("Gauss point {point} is turned inside out")));
         }
-        let every = specimen.settings.tangent_every;
+        let every = context.settings.tangent_every;
         let renews = every > 0 && (self.done + 1).is_multiple_of(every);
-        specimen.points.fix_ramps(&self.gradients);
+        context.points.fix_ramps(&self.gradients);
         let tangent = if renews { STIFFEST } else { TangentKind::None };
-        let next = self.moment(specimen, self.time() + self.step);
-        specimen
-            .evaluate_points(&self.gradients, next, tangent, material)
-            .map_err(|outcome| self.at_step(outcome))?;
+        let next = self.moment(context, self.time() + self.step);
+        context.evaluate_points(&self.gradients, next, tangent, material).map_err(|outcome| self.at_step(outcome))?;
         material.commit().map_err(|error| failure(error).into_outcome())?;
-        specimen.body.commit(&path);
-        specimen.points.commit(&self.gradients);
+        context.body.commit(&path);
+        context.points.commit(&self.gradients);
         for (total, gradient) in self.gradients_since_report.iter_mut().zip(&self.gradients) {
-            *total = specimen.problem.formulation.joined(total, gradient);
+            *total = context.problem.formulation.joined(total, gradient);
         }
         self.time_before = self.time();
         self.done += 1;
-        specimen.statistics.time_steps += 1;
+        context.statistics.time_steps += 1;
         let is_inverted = |geometry: &PointGeometry| geometry.volume.is_nan() || geometry.volume <= 0.0;
-        if let Some(point) = specimen.body.settled_geometry().iter().position(is_inverted) {
+        if let Some(point) = context.body.settled_geometry().iter().position(is_inverted) {
             return Err(self.unstable(format!("the element of Gauss point {point} is turned inside out")));
         }
         let mut nanoseconds = 0;
-        timed(&mut nanoseconds, || self.next_instant(specimen, &path, renews))?;
-        specimen.statistics.assembly_nanoseconds += nanoseconds;
+        timed(&mut nanoseconds, || self.next_instant(context, &path, renews))?;
+        context.statistics.assembly_nanoseconds += nanoseconds;
         self.check_energy()
     }
 
@@ -210,19 +210,19 @@ impl Integrator {
         }
     }
 
-    pub(super) fn laws<'s>(&'s self, specimen: &'s Specimen<'_>) -> ElementLaws<'s> {
+    pub(super) fn laws<'s>(&'s self, context: &'s StageContext<'_>) -> ElementLaws<'s> {
         ElementLaws {
-            body: specimen.body,
-            points: specimen.points,
+            body: context.body,
+            points: context.points,
             stiffness: &self.stiffness,
             viscosity: self.viscosity,
-            densities: &specimen.settings.element_densities,
-            hourglass: specimen.problem.hourglass,
+            densities: &context.settings.element_densities,
+            hourglass: context.problem.hourglass,
         }
     }
 
-    pub(super) fn moment(&self, specimen: &Specimen<'_>, time: f64) -> Moment {
-        Moment { load: time / specimen.stage.duration, time }
+    pub(super) fn moment(&self, context: &StageContext<'_>, time: f64) -> Moment {
+        Moment { load: time / context.stage.duration, time }
     }
 
     pub(super) fn unstable(&self, reason: String) -> Outcome {

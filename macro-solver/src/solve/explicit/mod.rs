@@ -16,8 +16,8 @@ mod instants;
 mod integrator;
 mod masses;
 mod record;
-mod specimen;
 mod stage;
+mod stage_context;
 #[cfg(test)]
 mod tests;
 

@@ -3,7 +3,7 @@
 use super::dashpots::Dashpots;
 use super::energy::{Forces, Monitor};
 use super::integrator::Integrator;
-use super::specimen::Specimen;
+use super::stage_context::StageContext;
 use crate::checkpoint::CheckpointError;
 use crate::model::assembly::isotropic::Isotropic;
 use crate::model::assembly::viscosity::Viscosity;
@@ -59,22 +59,22 @@ impl Integrator {
     pub(crate) fn restore(
         section: &str,
         record: IntegratorRecord,
-        specimen: &Specimen<'_>,
+        context: &StageContext<'_>,
     ) -> Result<Self, CheckpointError> {
-        let (points, nodes) = (specimen.points.all().len(), specimen.problem.mesh.nodes.len());
-        let freedoms = specimen.body.displacements.len();
+        let (points, nodes) = (context.points.all().len(), context.problem.mesh.nodes.len());
+        let freedoms = context.body.displacements.len();
         let by_freedom = [&record.ahead, &record.velocity, &record.acceleration, &record.held];
         let fits = by_freedom.into_iter().chain(record.forces.all()).all(|values| values.len() == freedoms)
             && record.stiffness.len() == points
             && record.masses.len() == nodes
-            && record.scale_factors.len() == specimen.problem.mesh.elements.len();
+            && record.scale_factors.len() == context.problem.mesh.elements.len();
         if !fits {
             return Err(CheckpointError::unfit(section, "the dynamic stage is that of another mesh"));
         }
-        let settings = specimen.settings;
-        let dashpots = Dashpots::of_stage(specimen, &record.stiffness, &record.scale_factors);
+        let settings = context.settings;
+        let dashpots = Dashpots::of_stage(context, &record.stiffness, &record.scale_factors);
         let velocity_constraints =
-            specimen.velocity_constraints(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
+            context.velocity_constraints(&dashpots).map_err(|error| CheckpointError::unfit(section, error))?;
         Ok(Self {
             viscosity: Viscosity::new(settings.damping, settings.viscosity, settings.density),
             dashpots,

@@ -7,7 +7,7 @@ use crate::problem::Procedure;
 use crate::problem::dynamics::DynamicSettings;
 use crate::solve::accepted::{AcceptedState, Counters};
 use crate::solve::driver::{Session, Solver};
-use crate::solve::explicit::specimen::Specimen;
+use crate::solve::explicit::stage_context::StageContext;
 use crate::solve::explicit::{Integrator, IntegratorRecord};
 
 impl Solver<'_> {
@@ -23,7 +23,7 @@ impl Solver<'_> {
         };
         let mut reported = integrator.done();
         while !integrator.is_done() {
-            integrator.advance(&mut self.specimen(settings), session.material)?;
+            integrator.advance(&mut self.context(settings), session.material)?;
             if integrator.is_reported(settings.reporting) {
                 self.step += 1;
                 integrator = self.report(integrator, reported, &counters, session)?;
@@ -47,7 +47,7 @@ impl Solver<'_> {
     ) -> Result<(Integrator, Counters), Outcome> {
         let mut counters = Counters::of(&self.statistics);
         let carried = std::mem::take(&mut self.carried);
-        let mut integrator = Integrator::start(&mut self.specimen(settings), carried, session.material)?;
+        let mut integrator = Integrator::start(&mut self.context(settings), carried, session.material)?;
         if self.stage == 0 {
             self.check_start_of_motion()
                 .map_err(|defect| Outcome::DidNotConverge { reason: format!("initial state: {defect}") })?;
@@ -61,8 +61,8 @@ impl Solver<'_> {
         Ok((integrator, counters))
     }
 
-    fn specimen<'s>(&'s mut self, settings: &'s DynamicSettings) -> Specimen<'s> {
-        Specimen {
+    fn context<'s>(&'s mut self, settings: &'s DynamicSettings) -> StageContext<'s> {
+        StageContext {
             problem: self.problem,
             stage: &self.problem.stages[self.stage],
             settings,
@@ -130,7 +130,7 @@ impl Solver<'_> {
                 "it stands in a dynamic stage, which the scene does not have",
             ));
         };
-        self.integrator = Some(Integrator::restore(section, record, &self.specimen(settings))?);
+        self.integrator = Some(Integrator::restore(section, record, &self.context(settings))?);
         Ok(())
     }
 }

@@ -3,6 +3,7 @@
 //! Every iterate is evaluated from the committed state. Erratum: [Liu2018] feeds each transient iterate to a material that
 //! remembers its path; here only the equilibrium is committed, so the detours of the motion leave no trace.
 
+mod headway;
 mod motion;
 
 use super::accepted::{Attempted, Converged};
@@ -19,9 +20,13 @@ use crate::model::stable_step::limits;
 use crate::observer::IterationReport;
 use crate::problem::ForceMeasure;
 use crate::problem::relaxation::{RelaxationForm, RelaxationSettings};
+use headway::{ALLOWED, Headway};
 use motion::Relaxation;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
+
+/// Iterations between two reports on a motion that goes on.
+const REPORT_EVERY: usize = 50;
 
 impl LoadStepMethod for RelaxationSettings {
     fn attempt(
@@ -62,6 +67,7 @@ impl Solver<'_> {
         let mut iterate = self.first_iterate(load, share);
         self.fix_relaxation_ramps(&iterate, load, share.is_some());
         let tolerance = self.stage().tolerances.force;
+        let mut headway = Headway::new();
         let mut last = String::new();
         let mut change = self.body.zero();
         let mut before = self.body.zero();
@@ -80,6 +86,7 @@ impl Solver<'_> {
                 }
             }
             before.clone_from(&self.balance.internal);
+            relaxation.travelled(&iterate);
             let force_ratio = norms.ratio(ForceMeasure::Largest);
             last = format!("out-of-balance {force_ratio:.2e}, kinetic energy {:.2e}", relaxation.kinetic_ratio());
             if !force_ratio.is_finite() {
@@ -98,6 +105,14 @@ impl Solver<'_> {
                     stagnated: false,
                 });
             }
+            headway.note(iteration, force_ratio, &iterate);
+            if settings.form == RelaxationForm::Corrected && headway.has_ended(iteration) {
+                return self.best_of(headway, iteration, load, session);
+            }
+            if iteration % REPORT_EVERY == 0 {
+                let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
+                self.report_iteration(load, iteration, norms.evaluations, force_ratio, displacement_ratio, session);
+            }
             let ratio = relaxation.step_ratio();
             if ratio > 1.0 {
                 return Err(Failure::Attempt(format!(
@@ -112,6 +127,36 @@ impl Solver<'_> {
             iterate = sum(&iterate, &change);
         }
         Err(Failure::Attempt(format!("not at rest after {} iterations: {last}", settings.max_iterations)))
+    }
+
+    /// The end of a motion without headway: its best iterate, where a step that stagnates may end there.
+    fn best_of(
+        &mut self,
+        headway: Headway,
+        iteration: usize,
+        load: f64,
+        session: &mut Session<'_>,
+    ) -> Result<Converged, Failure> {
+        let tolerances = &self.stage().tolerances;
+        let allowed = if tolerances.accept_stagnated() { tolerances.stagnated().force } else { 0.0 };
+        if headway.best > allowed {
+            return Err(Failure::Attempt(format!(
+                "no headway in {ALLOWED} iterations: out-of-balance {:.2e} at best after {iteration}",
+                headway.best
+            )));
+        }
+        let norms = self.evaluate_forces(&headway.iterate, load, session)?;
+        let force_ratio = norms.ratio(ForceMeasure::Largest);
+        self.report_iteration(load, iteration, norms.evaluations, force_ratio, 0.0, session);
+        Ok(Converged {
+            increment: headway.iterate,
+            load,
+            iterations: iteration,
+            force_ratio,
+            displacement_ratio: 0.0,
+            correction: None,
+            stagnated: true,
+        })
     }
 
     /// The step of a body of which nothing is free: no motion has to come to rest.

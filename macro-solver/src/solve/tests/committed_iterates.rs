@@ -111,7 +111,11 @@ fn a_rough_material_is_brought_to_balance_from_committed_iterates() {
     let (mut plain_material, mut plain) = (Rough::new(), Watch::default());
     let without = solve(&problem(None), &mut plain_material, &mut plain);
     assert!(matches!(without.outcome, Outcome::Completed), "{:?}", without.outcome);
-    assert!(without.statistics.cut_backs > 0 && without.statistics.steps_with_committed_iterates == 0);
+    assert!(
+        without.statistics.cut_backs > 0
+            && without.statistics.failed_evaluations > 0
+            && without.statistics.steps_with_committed_iterates == 0
+    );
 
     let (mut material, mut watch) = (Rough::new(), Watch::default());
     let run = solve(&problem(Some(3)), &mut material, &mut watch);

@@ -164,7 +164,7 @@ fn frictions_that_make_no_sense_are_refused() {
         let mut problem = pulled_bar();
         change(&mut problem);
         match problem.validate() {
-            Err(ProblemError::Stage { number: 1, error, .. }) => *error,
+            Err(ProblemError::Stage { number: 1, error, .. }) => error.into_cause(),
             other => panic!("{other:?}"),
         }
     };

@@ -205,7 +205,8 @@ fn directions_and_rotations_that_do_not_exist_are_refused() {
     let refused = |condition: Condition| {
         let mesh = block(ElementKind::Q4, 2, 2);
         let held = [Axis::X, Axis::Y].map(|axis| Condition::fixed("bottom", axis));
-        Problem::new(mesh, held.into_iter().chain([condition]).collect()).validate().unwrap_err()
+        let problem = Problem::new(mesh, held.into_iter().chain([condition]).collect());
+        problem.validate().unwrap_err().into_cause()
     };
     let at_centre = Directions::Radial { nodes: "top".into(), centre: [1.0, 2.0] };
     match refused(guided(at_centre, 1e-3)) {

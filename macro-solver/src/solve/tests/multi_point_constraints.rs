@@ -205,7 +205,8 @@ fn a_sum_ties_two_parts_together() {
 fn links_that_cannot_hold_are_refused() {
     let floor = [Axis::X, Axis::Y].map(|axis| Condition::fixed("bottom", axis));
     let error = |mesh: Mesh, more: Vec<Condition>| {
-        Problem::new(mesh, floor.iter().cloned().chain(more).collect()).validate().unwrap_err()
+        let problem = Problem::new(mesh, floor.iter().cloned().chain(more).collect());
+        problem.validate().unwrap_err().into_cause()
     };
     let square = || block(ElementKind::Q4, 2, 2);
     let up = Condition::Displacement { nodes: "top".into(), axis: Axis::Y, value: 1e-3 };

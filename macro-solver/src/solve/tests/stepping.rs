@@ -76,6 +76,10 @@ fn steps_that_a_point_refuses_are_cut_back_and_the_stage_still_ends_at_one() {
     assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
     assert!(finished.statistics.cut_backs > 0 && record.cut_backs.len() as u64 == finished.statistics.cut_backs);
     assert!(record.cut_backs[0].reason.contains("Gauss point"), "{}", record.cut_backs[0].reason);
+    // Refused trials are no evaluations.
+    let costs = || record.cut_backs.iter().map(|event| event.cost);
+    assert!(costs().all(|cost| cost.iterations > 0));
+    assert_eq!(costs().map(|cost| cost.evaluations).sum::<u64>(), finished.statistics.failed_evaluations);
     assert_eq!((finished.load, record.steps.last().unwrap().load), (1.0, 1.0));
     for (one, two) in stresses(&plain).iter().zip(stresses(&record)) {
         assert!((one.0[4] - two.0[4]).abs() < 1e-7 * 2e7, "hyperelastic: the split into steps cannot matter");

@@ -4,7 +4,7 @@
 //! moment leaves them behind, and with the run removed nobody looks for them any more.
 
 use super::RunRecord;
-use super::run_directory::{Latecomer, RunDirectory};
+use super::run_directory::{CleanupAfterEnd, RunDirectory};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -90,5 +90,5 @@ pub fn sweep_before_exit(name: &str, timeout: Duration) {
     drop(held);
     // Every worker of the run tries: whoever comes second finds nothing, and there is nobody to tell.
     let _ = RunDirectory::remove_once_dead(name, timeout);
-    joined.into_iter().for_each(|record| drop(Latecomer(record)));
+    joined.into_iter().for_each(|record| drop(CleanupAfterEnd(record)));
 }

@@ -1,6 +1,6 @@
 //! The macro's end: the only server of a run.
 
-use super::janitor::Janitor;
+use super::empty_file_removal::EmptyFileRemoval;
 use super::run_directory::{ChannelLimits, RunDirectory, RunError, RunRecord, check_room};
 use super::services::{Listener, Notifier, OpenRequest, Server, Services, message_bytes, port_name};
 use super::waiting::WaitState;
@@ -47,8 +47,8 @@ pub struct SharedMemoryMacroPort {
     to_workers: Notifier,
     listener: Listener,
     services: Services,
-    // The last two: while iceoryx2 tidies up it may need the janitor, and the files go when nobody uses them any more.
-    _janitor: Janitor,
+    // The last two: while iceoryx2 tidies up it may need the removal of empty files, and the files go when nothing uses them any more.
+    _empty_files: EmptyFileRemoval,
     run: RunDirectory,
 }
 
@@ -59,7 +59,8 @@ impl SharedMemoryMacroPort {
     /// A [`RunError`] in words, or a refusal of iceoryx2 or the system.
     pub fn create(name: &str, limits: ChannelLimits) -> Result<Self, TransportError> {
         let mut run = RunDirectory::create(name, limits).map_err(begin)?;
-        let janitor = Janitor::start(run.record().prefix.clone()).map_err(system("start the janitor thread"))?;
+        let empty_files =
+            EmptyFileRemoval::start(run.record().prefix.clone()).map_err(system("start the empty_files thread"))?;
         let services = Services::create(run.record())?;
         let server = services.server(run.record())?;
         let listener =
@@ -79,7 +80,7 @@ impl SharedMemoryMacroPort {
             to_workers,
             listener,
             services,
-            _janitor: janitor,
+            _empty_files: empty_files,
             run,
         })
     }

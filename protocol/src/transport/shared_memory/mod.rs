@@ -15,8 +15,8 @@
 //! that is closed in order says so. A run's files carry one prefix below one directory ([`RunDirectory`]) and are
 //! removed when the macro's port is dropped; what a killed macro leaves, [`RunDirectory::clean`] removes.
 
+mod empty_file_removal;
 mod gate;
-mod janitor;
 mod macro_port;
 mod run_directory;
 pub(crate) mod services;

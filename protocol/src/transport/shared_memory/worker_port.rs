@@ -1,7 +1,9 @@
 //! A worker's end: one client of a run.
 
 use super::gate::{Busy, FirstPart, LastPart};
-use super::run_directory::{Latecomer, RunDirectory, RunError, RunRecord, WORKER_ROOM, check_room, fresh_number};
+use super::run_directory::{
+    CleanupAfterEnd, RunDirectory, RunError, RunRecord, WORKER_ROOM, check_room, fresh_number,
+};
 use super::services::{Client, Listener, Notifier, Pending, Services, message_bytes, port_name};
 use super::waiting::WaitState;
 use super::watch::Watch;
@@ -53,7 +55,7 @@ pub struct SharedMemoryWorkerPort {
     listener: Listener,
     _services: Services,
     /// Looks for what all the others have left.
-    _latecomer: Latecomer,
+    _cleanup: CleanupAfterEnd,
     /// Last, see [`FirstPart`].
     _last: LastPart,
 }
@@ -64,7 +66,8 @@ impl SharedMemoryWorkerPort {
     /// # Errors
     /// No such run, another version, no room for another worker, or a refusal of iceoryx2 or the system; in words.
     pub fn join(name: &str, timeout: Duration) -> Result<Self, TransportError> {
-        let deadline = Instant::now() + timeout;
+        // None: longer than clocks count.
+        let deadline = Instant::now().checked_add(timeout);
         loop {
             let failure = match RunDirectory::open(name) {
                 Ok(Some(record)) => match Self::join_found(&record) {
@@ -75,7 +78,7 @@ impl SharedMemoryWorkerPort {
                 Err(error @ (RunError::Name { .. } | RunError::Version { .. })) => return Err(find(error)),
                 Err(error) => find(error),
             };
-            if Instant::now() >= deadline {
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 return Err(failure);
             }
             std::thread::sleep(RETRY);
@@ -101,7 +104,7 @@ impl SharedMemoryWorkerPort {
             return Err(find("it lives in another PID namespace (another container); start its workers there"));
         }
         let _busy = Busy::begin();
-        let latecomer = Latecomer(record.clone());
+        let cleanup = CleanupAfterEnd(record.clone());
         check_room(WORKER_ROOM).map_err(find)?;
         let services = Services::open(record)?;
         let sender = fresh_number();
@@ -135,7 +138,7 @@ impl SharedMemoryWorkerPort {
             to_macro,
             listener,
             _services: services,
-            _latecomer: latecomer,
+            _cleanup: cleanup,
             _last: last,
         })
     }

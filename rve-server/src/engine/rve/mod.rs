@@ -11,7 +11,7 @@ use crate::definition::{GrainDefinition, GrainModel, RveOptions, SolverName};
 use crate::homogenization::fabric::LARGEST_OVERLAP_RATIO;
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::homogenization::picture::CellPicture;
-use crate::solver::{Course, End, GrainSolver, PathEnergies, SolveJob, Solved, SolverFor, chosen_ramp_steps};
+use crate::solver::{AnsweredBy, End, GrainSolver, PathEnergies, SolveJob, Solved, SolverFor, chosen_ramp_steps};
 use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
 use crate::tangent::network::NetworkResponses;
 use crate::tangent::{self, Closeness, Method, OperatorEvaluation, Orderings, TangentOutcome, perturbation};
@@ -338,11 +338,11 @@ impl<S: SolverFor> GrainRve<S> {
         if solved.changed_damping {
             flags.insert(TrialFlags::DAMPING_CHANGED);
         }
-        flags.insert(match solved.course {
-            Course::Relaxed => TrialFlags::default(),
-            Course::Elastic => TrialFlags::ELASTIC_INCREMENT,
-            Course::Events => TrialFlags::EVENT_INCREMENT,
-            Course::HandedOver => TrialFlags::HANDED_OVER,
+        flags.insert(match solved.answered_by {
+            AnsweredBy::Relaxation => TrialFlags::default(),
+            AnsweredBy::Elastic => TrialFlags::ELASTIC_INCREMENT,
+            AnsweredBy::Events => TrialFlags::EVENT_INCREMENT,
+            AnsweredBy::HandedOver => TrialFlags::HANDED_OVER,
         });
         let cost = Cost {
             force_evaluations: solved.force_evaluations,

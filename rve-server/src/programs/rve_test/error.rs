@@ -36,7 +36,7 @@ pub enum ElementError {
     /// The prescribed stress was not reached.
     #[error(
         "increment {increment}: sigma_{component} = {reached:.6e} Pa did not reach {target:.6e} Pa within {tolerance:.1e} Pa \
-         in {iterations} iterations; use more increments, or prescribe the strain where the packing softens"
+         in {iterations} iterations; {remedy}"
     )]
     StressNotReached {
         /// Row that was being computed.
@@ -51,8 +51,16 @@ pub enum ElementError {
         tolerance: f64,
         /// Trials made.
         iterations: u32,
+        /// What to do.
+        remedy: &'static str,
     },
 }
+
+/// Remedy of a stress that was not reached by a cell that bears load.
+pub(super) const SMALLER_STEPS: &str = "use more increments, or prescribe the strain where the packing softens";
+
+/// Remedy of a stress that was not reached by a cell without load-bearing contacts.
+pub(super) const APART: &str = "the grains have come apart, no chain of contacts bears load: prescribe the strain, or prepare the packing under this contact law";
 
 impl ElementError {
     /// Whether the input is to blame (exit code 2) and not the course of the test (exit code 1).

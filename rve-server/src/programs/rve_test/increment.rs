@@ -1,6 +1,6 @@
 //! One increment: a trial where all components are strains, a search where stresses are controlled.
 
-use super::error::ElementError;
+use super::error::{APART, ElementError, SMALLER_STEPS};
 use super::path::{Matrix, Operator, by_gradient, flat, tensor_of};
 use super::run::Run;
 use super::servo::{Miss, Servo};
@@ -29,6 +29,8 @@ pub(super) struct Spent {
     pub(super) relaxed: u32,
     /// Some of them have not come to rest.
     pub(super) is_restless: bool,
+    /// The last trial had no load-bearing contacts.
+    pub(super) is_apart: bool,
     /// The nearer side of a snap was kept, at least in a part of the increment.
     pub(super) has_jumped: bool,
 }
@@ -56,6 +58,7 @@ impl<S: SolverFor> Run<S> {
             .map_err(|reason| ElementError::Cell { increment: self.summary.rows, reason })?;
         self.spent.trials += 1;
         self.spent.dem_steps += answer.cost.force_evaluations;
+        self.spent.is_apart = answer.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS);
         Ok(answer)
     }
 
@@ -192,6 +195,7 @@ impl<S: SolverFor> Run<S> {
             target: miss.target,
             tolerance,
             iterations: self.spent.trials,
+            remedy: if self.spent.is_apart { APART } else { SMALLER_STEPS },
         }
     }
 }

@@ -1,6 +1,6 @@
 //! RVE tests on a frame: strains prescribed, stresses found by a secant search.
 
-use super::error::ElementError;
+use super::error::{ElementError, SMALLER_STEPS};
 use super::path::{COMPONENTS, Operator, by_gradient};
 use super::requests::RowRequests;
 use super::row::ElementRow;
@@ -155,10 +155,10 @@ impl Run<'_> {
             if self.last_control == StressControl::Jump && increment == segment.increments {
                 self.missed = stresses;
             }
-            // A frame that has snapped does not go on as before.
-            last_change = match self.last_control {
-                StressControl::Relaxed | StressControl::Jump => [0.0; 4],
-                _ => std::array::from_fn(|place| gradient[place] - committed[place]),
+            last_change = if self.last_control.has_snapped() {
+                [0.0; 4]
+            } else {
+                std::array::from_fn(|place| gradient[place] - committed[place])
             };
             if asked.is_break() {
                 return Ok(asked);
@@ -193,7 +193,9 @@ impl Run<'_> {
                 let surprise = (before - &miss) - &*response * step;
                 *response += surprise * step.transpose() / step.norm_squared();
             }
-            let step = response.clone().lu().solve(&miss).unwrap_or_else(|| miss.map(|_| -PERTURBATION));
+            let is_finite = |step: &DVector<f64>| step.iter().all(|part| part.is_finite());
+            let step = response.clone().lu().solve(&miss).filter(is_finite);
+            let step = step.unwrap_or_else(|| miss.map(|_| -PERTURBATION));
             let step = &step * (LARGEST_CORRECTION / step.amax()).min(1.0);
             for (place, part) in controlled.places.iter().zip(step.iter()) {
                 gradient[*place] += part;
@@ -259,6 +261,7 @@ impl Run<'_> {
             target: controlled.targets[worst],
             tolerance,
             iterations: spent.trials,
+            remedy: SMALLER_STEPS,
         })
     }
 

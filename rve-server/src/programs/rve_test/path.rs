@@ -1,4 +1,4 @@
-//! KernelSpace of one increment: from the strain accumulated in a segment to the target of a trial.
+//! Kinematics of one increment: from the strain accumulated in a segment to the target of a trial.
 //!
 //! Element tests compute with tensors of space throughout; a plane cell keeps `F_33 = 1` and everything else out of its
 //! plane at zero.

@@ -305,9 +305,8 @@ impl<S: SolverFor> Run<S> {
     fn take_up(&mut self, kinematics: &SegmentKinematics, accepted: &Accepted, committed_gradient: &mut Matrix) {
         let energies = self.cell.trial_energies();
         self.cell.commit().expect("the accepted trial is the latest");
-        // A cell that has snapped does not go on as before.
-        let goes_on = accepted.control != StressControl::Relaxed;
-        self.last_change = goes_on.then(|| add_scaled(&accepted.gradient, -1.0, committed_gradient));
+        self.last_change =
+            (!accepted.control.has_snapped()).then(|| add_scaled(&accepted.gradient, -1.0, committed_gradient));
         *committed_gradient = accepted.gradient;
         self.deformation = kinematics.deformation(&accepted.gradient);
         self.stress = tensor_of(&accepted.answer.stress.0);

@@ -15,3 +15,10 @@ pub enum StressControl {
     /// Not met at the end of the increment: the cell snaps across the target, and the nearest state is kept, outside the tolerance.
     Jump,
 }
+
+impl StressControl {
+    /// Whether the cell has snapped: it does not go on as before, so that nothing is extrapolated from its last change.
+    pub(super) fn has_snapped(self) -> bool {
+        matches!(self, Self::Relaxed | Self::Jump)
+    }
+}

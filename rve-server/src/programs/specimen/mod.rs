@@ -18,7 +18,6 @@ pub mod csv_table;
 mod damping_tests;
 pub mod dynamics;
 mod error;
-mod flight;
 mod fluctuation;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]
@@ -40,6 +39,7 @@ mod stiffening_tests;
 pub mod test_file;
 #[cfg(test)]
 mod tests;
+mod unsupported_grains;
 pub mod wall;
 #[cfg(test)]
 mod wave_tests;

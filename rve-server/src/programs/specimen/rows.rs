@@ -44,6 +44,20 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
         })
     }
 
+    /// Wall of an axis, 0 or 1, that weight presses the grains on.
+    pub(super) fn floor(&self, axis: usize) -> Option<usize> {
+        let down = self.dynamics.motion.gravity[axis];
+        (down != 0.0).then_some(usize::from(down > 0.0))
+    }
+
+    /// Normal stress of the walls of an axis that a target stress moves, Pa, tension positive: of both, or of the one opposite the floor.
+    pub(super) fn servo_stress(&self, axis: usize) -> f64 {
+        match (self.walls[axis], self.floor(axis)) {
+            (Some(pair), Some(floor)) => -self.dynamics.walls[pair[1 - floor]].normal_force() / self.area(axis),
+            _ => self.wall_stress(axis),
+        }
+    }
+
     /// Shear strain, displacement of the upper side over the distance of both at the start, and shear stress of the walls, Pa:
     /// the mean of both walls' forces along their planes over their area, positive if the upper wall drags the grains along
     /// the axis; 0 where the axis is periodic.

@@ -5,12 +5,12 @@ use super::body::Body;
 use super::checkpoint::{Checkpoints, Place};
 use super::dynamics::{Dynamics, GrainSums, Motion};
 use super::error::SpecimenError;
-use super::flight::Flight;
 use super::numbering::numbered_by_position;
 use super::removal::weakened;
 use super::results::{SpecimenEvent, SpecimenRow, SpecimenStart, SpecimenSummary};
 use super::stage::{Sheared, Stage};
 use super::test_file::SpecimenTest;
+use super::unsupported_grains::UnsupportedGrains;
 use super::wall::{Wall, WallDrive};
 use crate::contact::{ContactLaw, ContactLaws, LawVisitor, Rotations};
 use crate::definition::PackingFile;
@@ -365,17 +365,20 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         if stage.until_balance.is_some() {
             return;
         }
-        let error = self.servo_error(stage, &row.wall_stress);
+        let error = self.servo_error(stage);
         self.summary.largest_servo_error = self.summary.largest_servo_error.max(error);
         self.summary.servo_misses += u64::from(error > SERVO_COUNTED);
     }
 
     /// Largest distance of a controlled wall stress from its target over the mean target.
-    fn servo_error(&self, stage: &Stage, stress: &[f64; 3]) -> f64 {
+    fn servo_error(&self, stage: &Stage) -> f64 {
         let targets = stage.stress.values();
         let sizes = targets.iter().flatten().map(|stress| stress.abs());
         let mean = sizes.clone().sum::<f64>() / sizes.count().max(1) as f64;
-        let distances = targets.iter().zip(stress).filter_map(|(target, found)| Some((found - (*target)?).abs()));
+        let distances = targets
+            .iter()
+            .enumerate()
+            .filter_map(|(axis, target)| target.map(|target| (self.servo_stress(axis) - target).abs()));
         distances.fold(0.0, f64::max) / mean.max(f64::MIN_POSITIVE)
     }
 
@@ -405,6 +408,10 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             for wall in pair {
                 self.dynamics.walls[wall].drive = drive;
             }
+            // Two walls that bear the same would let the weight sink.
+            if let (Some(floor), WallDrive::Force { .. }) = (self.floor(axis), drive) {
+                self.dynamics.walls[pair[floor]].drive = WallDrive::Velocity(0.0);
+            }
             let shear = stage.shear.of_side(axis);
             let speed = lengths[axis] / stage.steps as f64 / step;
             self.dynamics.walls[pair[1]].glide = <S::Coordinates<f64>>::build(|along| shear[along] * speed);
@@ -423,12 +430,13 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
     }
 
     fn is_balanced(&self, stage: &Stage, limit: f64) -> bool {
-        let stress = std::array::from_fn(|axis| self.wall_stress(axis));
-        self.servo_error(stage, &stress) <= limit && self.unbalanced() <= limit && !self.flight().is_in_the_air(limit)
+        self.servo_error(stage) <= limit
+            && self.unbalanced() <= limit
+            && !self.unsupported_grains().are_in_the_air(limit)
     }
 
-    fn flight(&self) -> Flight {
-        Flight {
+    fn unsupported_grains(&self) -> UnsupportedGrains {
+        UnsupportedGrains {
             normal_force: self.dynamics.contacts.normal_force,
             largest_force: self.last.largest_force,
             kinetic_energy: self.last.kinetic_energy,

@@ -40,3 +40,31 @@ fn a_disc_in_free_fall_is_not_balanced() {
     let stress = rows.last().unwrap().wall_stress[1];
     assert!((stress / expected - 1.0).abs() < 2e-2, "{stress} Pa, {expected} Pa of the weight");
 }
+
+/// A plate on grains with weight: the floor stands still and bears both. It was moved like the plate, and grains with plate and floor fell for
+/// ever, in balance.
+#[test]
+fn a_floor_bears_the_weight_of_the_grains_and_the_plate_on_them() {
+    let (side, radius, density, gravity) = (0.05, 0.0126, 2000.0, 981.0);
+    let quarter = 0.25 * side;
+    let grains = [[1.0, 1.0], [3.0, 1.0], [1.0, 3.0], [3.0, 3.0]].map(|[x, y]| [x * quarter, y * quarter, radius]);
+    let packing = PackingFile::<Discs>::new([[side, 0.0], [0.0, side]], grains.to_vec());
+    let text = format!(
+        "packing = \"\"\ntiles = [1, 1]\n[contact]\nlaw = \"linear\"\nnormal_stiffness = 1e7\nstiffness_ratio = 0.5\n\
+         friction = 0.5\ndensity = {density}\n[motion]\ngravity = [0.0, -{gravity}]\nscaled_masses = false\n\
+         [[stage]]\nname = \"load\"\nsteps = 200000\nstress = {{ yy = -1e5 }}\nuntil_balance = 1e-3\n"
+    );
+    let test: SpecimenTest = toml::from_str(&text).unwrap();
+    let mut rows = Vec::new();
+    let summary = run_specimen(&test, &packing, &mut |event| {
+        if let SpecimenEvent::Row(row, _) = event {
+            rows.push((*row).clone());
+        }
+    });
+    assert_eq!(summary.unwrap().unbalanced_stages, 0);
+    // The mean of both walls has half of the weight above the plate's stress.
+    let row = rows.last().unwrap();
+    let width = side * (1.0 + row.strain[0]);
+    let expected = -1e5 - 0.5 * 4.0 * std::f64::consts::PI * radius * radius * density * gravity / width;
+    assert!((row.wall_stress[1] / expected - 1.0).abs() < 2e-3, "{} for {expected} Pa", row.wall_stress[1]);
+}

@@ -149,6 +149,11 @@ impl SpecimenTest {
                 self.walls.glue_depth
             )));
         }
+        if self.walls.glue_depth > 0.0 && self.stage.iter().all(|stage| stage.glue.is_empty()) {
+            return Err(DefinitionError(
+                "walls.glue_depth is not used: no stage has `glue`; leave it out, or name the walls that grip".into(),
+            ));
+        }
         for (number, region) in self.region.iter().enumerate() {
             region
                 .validate(dimension)

@@ -12,7 +12,7 @@ use super::near_pairs::{NearPairs, NearPairsMemory};
 use crate::cell::{ContactRecord, GrainState, PairFinder, StoredResponse};
 use crate::contact::{PlainLinear, Rotations};
 use crate::definition::GrainModel;
-use crate::solver::course::Course;
+use crate::solver::answered_by::AnsweredBy;
 use crate::solver::grain_solver::{End, SolveJob, Solved};
 use crate::solver::linear::{DiscMotions, LinearResponses};
 use crate::solver::relaxation::Imbalance;
@@ -140,9 +140,9 @@ impl<'a> Trial<'a> {
             }
         };
         let mut unbalanced = self.imbalance(&evaluation).ratio;
-        let mut course = Course::Events;
+        let mut answered_by = AnsweredBy::Events;
         if stored.is_some() && unbalanced <= bound {
-            course = Course::Elastic;
+            answered_by = AnsweredBy::Elastic;
         } else {
             let (mut least, mut idle) = (f64::INFINITY, 0);
             while !is_within(unbalanced, CONVERGED * bound) {
@@ -161,7 +161,7 @@ impl<'a> Trial<'a> {
         if !is_within(unbalanced, bound) {
             return Err(Stopped::GivenUp);
         }
-        self.answered(evaluation, &motion, columns, stored, course, spent)
+        self.answered(evaluation, &motion, columns, stored, answered_by, spent)
     }
 
     /// The contacts after `motion`; loose grains that were met are pushed aside, if that is what balance needs.
@@ -215,7 +215,7 @@ impl<'a> Trial<'a> {
         motion: &[Motion],
         columns: Option<DiscMotions>,
         stored: Option<&StoredResponse<Discs>>,
-        course: Course,
+        answered_by: AnsweredBy,
         spent: &Spent,
     ) -> Result<Answered, Stopped> {
         let (model, near) = (self.model, self.start.near());
@@ -279,7 +279,7 @@ impl<'a> Trial<'a> {
             equilibrated: true,
             bears_load: true,
             changed_damping: false,
-            course,
+            answered_by,
             work: None,
             energies: None,
         };

@@ -12,7 +12,7 @@ mod attempt;
 mod evaluation;
 mod near_pairs;
 
-use super::course::Course;
+use super::answered_by::AnsweredBy;
 use super::grain_solver::{End, GrainSolver, SolveJob};
 use super::linear::LinearResponses;
 use super::relaxation;
@@ -73,7 +73,7 @@ fn moves<S: Space>(job: &SolveJob<'_, S>) -> bool {
 fn handed_over<S: Space>(job: &SolveJob<'_, S>, end: Result<End<S>, RveError>) -> Result<End<S>, RveError> {
     end.map(|mut end| {
         if moves(job) {
-            end.solved.course = Course::HandedOver;
+            end.solved.answered_by = AnsweredBy::HandedOver;
         }
         end
     })

@@ -27,7 +27,8 @@ const MOST_ADAPTIVE: f64 = 1.5;
 /// Viscous coefficient after the last change of damping.
 const PERSISTENT: f64 = 0.2;
 
-/// Mean overlap over mean radius below which a cell is near unjamming: a tenth of that of the stiffest cells in everyday use.
+/// Mean overlap over mean radius below which a cell is near unjamming. Discs of a modulus of 1e4 times the pressure, the stiffest in
+/// everyday use, overlap by some 4e-4, so that an estimate good to a factor of ten will do.
 const NEAR_UNJAMMING: f64 = 1e-5;
 
 /// Changes of damping in a trial, at most.

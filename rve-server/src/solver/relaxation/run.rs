@@ -10,7 +10,7 @@ use super::setting::Setting;
 use crate::cell::Cell;
 use crate::contact::ContactLaw;
 use crate::definition::{AtStepCap, Criterion};
-use crate::solver::course::Course;
+use crate::solver::answered_by::AnsweredBy;
 use crate::solver::grain_solver::{PathEnergies, SolveJob, Solved};
 use crate::solver::kernel::StepSums;
 use crate::space::{Space, Tensor, add_scaled, inverse, largest_component, product};
@@ -24,7 +24,7 @@ const SAFETY_OF_SPHERES: f64 = 0.7;
 
 /// Mass of a cell over the stiffness of one of its contacts, roughly: that of the grain which its contacts hold most stiffly, see
 /// [`Run::raise_mass`].
-const STIFFNESS_OF_MASS: f64 = 6.0;
+const MASS_OVER_STIFFNESS: f64 = 6.0;
 
 /// The share in force.
 fn safety<S: Space>() -> f64 {
@@ -258,7 +258,7 @@ impl<S: Space> Run<S> {
 
     /// Mean overlap of the contacts, m, by the stiffness that the masses were taken from.
     fn mean_overlap(&self) -> f64 {
-        STIFFNESS_OF_MASS * self.sums.normal_force / (self.sums.contacts.max(1.0) * self.mass)
+        MASS_OVER_STIFFNESS * self.sums.normal_force / (self.sums.contacts.max(1.0) * self.mass)
     }
 
     /// Whether the next step needs the virial for the work on the cell: while that moves.
@@ -327,7 +327,7 @@ impl<S: Space> Run<S> {
             equilibrated,
             bears_load,
             changed_damping: self.damper.changes() > 0,
-            course: Course::Relaxed,
+            answered_by: AnsweredBy::Relaxation,
             work: self.work,
             energies: self.energies,
         }

@@ -35,6 +35,33 @@ fn the_map_of_the_architecture_names_every_source_folder() {
     no_faults(&missing.map(|folder| format!("ARCHITECTURE.md: the map lacks `{folder}/`")).collect::<Vec<_>>());
 }
 
+/// Libraries of the workspace that a member depends on, those of its tests left out.
+fn dependencies(member: &str) -> BTreeSet<String> {
+    let manifest: toml::Table = read(&format!("{member}/Cargo.toml")).parse().expect("the manifest is TOML");
+    let named = manifest.get("dependencies").and_then(toml::Value::as_table).expect("it has dependencies");
+    named.keys().filter(|name| members().contains(name)).cloned().collect()
+}
+
+#[test]
+fn the_table_of_crates_names_what_they_depend_on() {
+    let text = read("ARCHITECTURE.md");
+    let mut faults = Vec::new();
+    for member in members().iter().filter(|member| *member != ".") {
+        let begin = format!("| `{member}/` |");
+        let Some(row) = section(&text, "Crates and folders").lines().find(|line| line.starts_with(&begin)) else {
+            faults.push(format!("ARCHITECTURE.md: the table of crates lacks `{member}/`"));
+            continue;
+        };
+        let column = row.split('|').nth(3).expect("the table has three columns");
+        let said: BTreeSet<String> = spans(column).into_iter().map(str::to_owned).collect();
+        let found = dependencies(member);
+        if said != found {
+            faults.push(format!("ARCHITECTURE.md: `{member}/` depends on {found:?}, not on {said:?}"));
+        }
+    }
+    no_faults(&faults);
+}
+
 /// First names of paths behind `crate::` in the source text of a module so many levels below the crate, also of grouped imports and
 /// behind as many `super::`; comments and tests left out.
 fn imported(text: &str, level: usize) -> BTreeSet<String> {
@@ -85,37 +112,37 @@ pub(super) fn is_product(file: &str) -> bool {
     file.ends_with(".rs") && !file.contains("/tests") && !file.ends_with("tests.rs")
 }
 
-/// Rooms of a crate, files or folders directly below `src/`, each with the other rooms that it names.
+/// Top-level modules of a crate, files or folders directly below `src/`, each with the others that it names.
 fn arrows(member: &str, files: &[String]) -> BTreeMap<String, BTreeSet<String>> {
     let source = normalised(&PathBuf::from(member).join("src")) + "/";
     let mut named: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for file in files.iter().filter(|file| is_product(file)) {
         let Some(inside) = file.strip_prefix(&source) else { continue };
-        let room = inside.split('/').next().unwrap_or(inside).trim_end_matches(".rs");
-        if !["lib", "main"].contains(&room) {
+        let module = inside.split('/').next().unwrap_or(inside).trim_end_matches(".rs");
+        if !["lib", "main"].contains(&module) {
             let level = inside.trim_end_matches("/mod.rs").split('/').count();
-            named.entry(room.to_owned()).or_default().extend(imported(&read(file), level));
+            named.entry(module.to_owned()).or_default().extend(imported(&read(file), level));
         }
     }
-    let rooms: BTreeSet<String> = named.keys().cloned().collect();
-    let other = |room: &String, names: &BTreeSet<String>| {
-        names.iter().filter(|name| rooms.contains(*name) && *name != room).cloned().collect()
+    let modules: BTreeSet<String> = named.keys().cloned().collect();
+    let other = |module: &String, names: &BTreeSet<String>| {
+        names.iter().filter(|name| modules.contains(*name) && *name != module).cloned().collect()
     };
-    named.iter().map(|(room, names)| (room.clone(), other(room, names))).collect()
+    named.iter().map(|(module, names)| (module.clone(), other(module, names))).collect()
 }
 
-/// The largest set of rooms that reach each other; empty if no room reaches itself.
+/// The largest set of modules that reach each other; empty if none reaches itself.
 pub(super) fn largest_circle(arrows: &BTreeMap<String, BTreeSet<String>>) -> BTreeSet<String> {
     let reached = |from: &String| {
         let (mut found, mut open) = (BTreeSet::new(), vec![from]);
-        while let Some(room) = open.pop() {
-            open.extend(arrows[room].iter().filter(|next| found.insert((*next).clone())));
+        while let Some(module) = open.pop() {
+            open.extend(arrows[module].iter().filter(|next| found.insert((*next).clone())));
         }
         found
     };
-    let reach: BTreeMap<&String, BTreeSet<String>> = arrows.keys().map(|room| (room, reached(room))).collect();
-    let circle = |room: &String| {
-        let both = reach[room].iter().filter(|other| reach[other].contains(room));
+    let reach: BTreeMap<&String, BTreeSet<String>> = arrows.keys().map(|module| (module, reached(module))).collect();
+    let circle = |module: &String| {
+        let both = reach[module].iter().filter(|other| reach[other].contains(module));
         both.cloned().collect::<BTreeSet<String>>()
     };
     arrows.keys().map(circle).max_by_key(BTreeSet::len).unwrap_or_default()
@@ -153,7 +180,7 @@ fn folders_import_in_the_order_of_the_map() {
 
 /// Two files of one subject may name each other.
 #[test]
-fn no_three_rooms_import_each_other_in_a_circle() {
+fn no_three_top_level_modules_import_each_other_in_a_circle() {
     let files = files();
     let circles = members().into_iter().map(|member| (largest_circle(&arrows(&member, &files)), member));
     let faults = circles.filter(|(circle, _)| circle.len() > 2);

@@ -100,6 +100,20 @@ fn run(problem: &Problem, material: &mut DamageMaterial) -> (Run, Film) {
     (run, film)
 }
 
+/// Steps are reports, as in the table of results; time steps are counted apart.
+#[test]
+fn steps_are_the_reports_of_a_motion() {
+    let push = moved("left", Axis::X, 1e-6, Amplitude::RAMP);
+    let settings = DynamicSettings { reporting: Reporting::Steps(3), ..settings(3.0) };
+    let problem = problem(strip(ElementKind::Q4, 4, 0.5), vec![push, held("all", Axis::Y)], 1.0, settings);
+    let (run, film) = run(&problem, &mut elastic(&problem, 6.0, 3.0));
+    let statistics = &run.statistics;
+    // The first report is that of the start.
+    assert_eq!(statistics.steps, film.instants.len() as u64 - 1);
+    let time_steps = 1.0 / film.last().time_step;
+    assert!((statistics.time_steps as f64 - time_steps).abs() < 1.0 && statistics.time_steps > statistics.steps);
+}
+
 /// Runs to the end.
 fn completed(problem: &Problem, material: &mut DamageMaterial) -> Film {
     let (run, film) = run(problem, material);

@@ -13,7 +13,7 @@ mod tests;
 
 pub use error::RunError;
 pub use record::{ChannelLimits, RunListing, RunRecord};
-pub(super) use segments::{Latecomer, SHARED_MEMORY, WORKER_ROOM, check_room, segments};
+pub(super) use segments::{CleanupAfterEnd, SHARED_MEMORY, WORKER_ROOM, check_room, segments};
 
 use super::ICEORYX2_VERSION;
 use crate::{ContentId, PROTOCOL_VERSION};

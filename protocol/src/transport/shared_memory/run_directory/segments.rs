@@ -24,16 +24,16 @@ pub(in crate::transport::shared_memory) const WORKER_ROOM: u64 = 256 << 10;
 /// Removes what a worker has made in the memory of a run that had ended meanwhile: a worker that is just joining may
 /// make folders and files again while the macro removes them. While the run lives nothing happens.
 #[derive(Debug)]
-pub(in crate::transport::shared_memory) struct Latecomer(pub(in crate::transport::shared_memory) RunRecord);
+pub(in crate::transport::shared_memory) struct CleanupAfterEnd(pub(in crate::transport::shared_memory) RunRecord);
 
-impl Drop for Latecomer {
+impl Drop for CleanupAfterEnd {
     fn drop(&mut self) {
         self.sweep();
     }
 }
 
-impl Latecomer {
-    /// See [`Latecomer`].
+impl CleanupAfterEnd {
+    /// See [`CleanupAfterEnd`].
     pub(in crate::transport::shared_memory) fn sweep(&self) {
         let Some(directory) = self.0.root.parent() else { return };
         if record_in(directory).is_some_and(|record| record.prefix == self.0.prefix) {

@@ -100,15 +100,15 @@ fn more_than_there_is_is_refused_with_the_remedy() {
 }
 
 #[test]
-fn what_a_latecomer_has_made_goes_with_it_unless_the_run_lives() {
+fn what_a_late_worker_has_made_goes_with_it_unless_the_run_lives() {
     let name = name();
     let run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
     let (record, directory) = (run.record().clone(), run.directory.clone());
-    drop(Latecomer(record.clone()));
+    drop(CleanupAfterEnd(record.clone()));
     assert!(exists(&name), "the run lives");
     drop(run);
     fs::create_dir_all(&record.root).unwrap();
-    drop(Latecomer(record));
+    drop(CleanupAfterEnd(record));
     assert!(!directory.exists());
 }
 
@@ -164,7 +164,7 @@ fn a_directory_that_others_may_write_to_is_refused_with_the_remedy() {
 fn a_segment_that_comes_back_alone_goes_too_even_when_a_run_has_the_name_again() {
     let name = name();
     let run = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
-    let (record, own) = (run.record().clone(), Latecomer(run.record().clone()));
+    let (record, own) = (run.record().clone(), CleanupAfterEnd(run.record().clone()));
     drop(run);
     let segment = Path::new(SHARED_MEMORY).join(format!("{}node.global_mgmt", record.prefix));
     fs::write(&segment, b"x").unwrap();
@@ -172,7 +172,7 @@ fn a_segment_that_comes_back_alone_goes_too_even_when_a_run_has_the_name_again()
     assert!(!segment.exists());
     let again = RunDirectory::create(&name, ChannelLimits::default()).unwrap();
     fs::write(&segment, b"x").unwrap();
-    drop(Latecomer(record));
+    drop(CleanupAfterEnd(record));
     assert!(!segment.exists() && exists(&name));
     drop(again);
 }

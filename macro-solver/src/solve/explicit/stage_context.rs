@@ -17,7 +17,7 @@ use nalgebra::Matrix3;
 use protocol::TangentKind;
 
 /// Borrowed from the driver for one time step, or for the start of a stage.
-pub(crate) struct Specimen<'a> {
+pub(crate) struct StageContext<'a> {
     pub(crate) problem: &'a Problem,
     pub(crate) stage: &'a Stage,
     pub(crate) settings: &'a DynamicSettings,
@@ -29,7 +29,7 @@ pub(crate) struct Specimen<'a> {
     pub(crate) statistics: &'a mut Statistics,
 }
 
-impl Specimen<'_> {
+impl StageContext<'_> {
     /// The velocity constraints of the stage between nodes with these dampers.
     pub(super) fn velocity_constraints(&self, dashpots: &Dashpots) -> Result<VelocityConstraints, ProblemError> {
         let axes = self.problem.mesh.dimension.count();

@@ -16,16 +16,16 @@ const ABANDONED: Duration = Duration::from_millis(200);
 const SETTLED: Duration = Duration::from_secs(1);
 
 /// A thread that removes abandoned empty files of one run. It must be another thread than the one that may hang.
-pub(super) struct Janitor {
+pub(super) struct EmptyFileRemoval {
     stop: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Janitor {
+impl EmptyFileRemoval {
     /// Starts the rounds for files whose names begin with `prefix`.
     pub(super) fn start(prefix: String) -> std::io::Result<Self> {
         let (stop, stopped) = channel();
-        let thread = std::thread::Builder::new().name("janitor".to_owned()).spawn(move || {
+        let thread = std::thread::Builder::new().name("empty-files".to_owned()).spawn(move || {
             let mut rounds = Rounds { prefix, clean: None };
             while stopped.recv_timeout(ROUND) == Err(RecvTimeoutError::Timeout) {
                 rounds.walk();
@@ -35,7 +35,7 @@ impl Janitor {
     }
 }
 
-impl Drop for Janitor {
+impl Drop for EmptyFileRemoval {
     fn drop(&mut self) {
         self.stop = None;
         if let Some(thread) = self.thread.take() {
@@ -92,7 +92,7 @@ mod tests {
         let path = |end: &str| std::path::PathBuf::from(format!("/dev/shm/{prefix}{end}"));
         fs::write(path("empty"), b"").unwrap();
         fs::write(path("full"), b"x").unwrap();
-        let janitor = Janitor::start(prefix.clone()).unwrap();
+        let empty_files = EmptyFileRemoval::start(prefix.clone()).unwrap();
         let begin = Instant::now();
         while path("empty").exists() {
             assert!(begin.elapsed() < Duration::from_secs(5), "the empty file was left");
@@ -100,7 +100,7 @@ mod tests {
         }
         assert!(begin.elapsed() >= Duration::from_millis(150), "a file was not given the time to be born");
         assert!(path("full").exists());
-        drop(janitor);
+        drop(empty_files);
         fs::remove_file(path("full")).unwrap();
     }
 

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
 /// A moving line on a terminal, otherwise a line now and then, otherwise nothing.
-pub(crate) struct Heartbeat(Shown);
+pub(crate) struct WaitingProgress(Shown);
 
 enum Shown {
     Bar(ProgressBar),
@@ -20,7 +20,7 @@ enum Shown {
     Nothing,
 }
 
-impl Heartbeat {
+impl WaitingProgress {
     /// Begins; `quiet` shows nothing.
     pub(crate) fn start(quiet: bool) -> Self {
         if quiet {
@@ -40,7 +40,7 @@ impl Heartbeat {
         let message: Arc<Mutex<String>> = Arc::default();
         let (stop, stopped) = channel::<()>();
         let (shared, begun) = (Arc::clone(&message), Instant::now());
-        let thread = std::thread::Builder::new().name("heartbeat".into()).spawn(move || {
+        let thread = std::thread::Builder::new().name("progress_line".into()).spawn(move || {
             while stopped.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
                 let now = shared.lock().unwrap_or_else(PoisonError::into_inner).clone();
                 write(&format!("{:.0} s  {now}", begun.elapsed().as_secs_f64()));
@@ -60,7 +60,7 @@ impl Heartbeat {
     }
 }
 
-impl Drop for Heartbeat {
+impl Drop for WaitingProgress {
     fn drop(&mut self) {
         match &mut self.0 {
             Shown::Bar(bar) => bar.finish_and_clear(),
@@ -82,12 +82,13 @@ mod tests {
     #[test]
     fn without_a_terminal_a_line_comes_now_and_then_and_none_after_the_end() {
         let (sender, lines) = channel();
-        let heartbeat =
-            Heartbeat(Heartbeat::lines(Duration::from_millis(10), move |line| sender.send(line.to_owned()).unwrap()));
-        heartbeat.set("row 3 of 40".to_owned());
+        let progress_line = WaitingProgress(WaitingProgress::lines(Duration::from_millis(10), move |line| {
+            sender.send(line.to_owned()).unwrap()
+        }));
+        progress_line.set("row 3 of 40".to_owned());
         let line = lines.iter().find(|line| line.contains("row")).unwrap();
         assert_eq!(line, "0 s  row 3 of 40");
-        drop(heartbeat);
+        drop(progress_line);
         assert_eq!(lines.iter().filter(|line| !line.contains("row 3 of 40")).count(), 0, "the sender has gone");
     }
 }

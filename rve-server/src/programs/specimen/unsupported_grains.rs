@@ -1,8 +1,8 @@
 //! Grains that bear nothing: balance is balance of forces that are borne.
 
-/// What tells of grains in the air.
+/// What tells that grains fly: no contact bears them.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Flight {
+pub(super) struct UnsupportedGrains {
     /// Sum of the normal forces of all contacts, N.
     pub(super) normal_force: f64,
     /// Largest force on a grain, N.
@@ -13,10 +13,10 @@ pub(super) struct Flight {
     pub(super) turnover: f64,
 }
 
-impl Flight {
+impl UnsupportedGrains {
     /// Whether grains fly while no contact bears anything, with forces or without: no ratio to a mean contact force tells of that. Kinetic
     /// energy is quadratic in what the limit of the balance bounds.
-    pub(super) fn is_in_the_air(&self, limit: f64) -> bool {
+    pub(super) fn are_in_the_air(&self, limit: f64) -> bool {
         let coasts = self.kinetic_energy > limit * limit * self.turnover;
         self.normal_force == 0.0 && (self.largest_force > 0.0 || coasts)
     }
@@ -28,14 +28,14 @@ mod tests {
 
     #[test]
     fn grains_that_fall_or_coast_are_in_the_air_and_those_that_lie_or_are_borne_are_not() {
-        let at_rest = Flight { turnover: 1e-3, ..Flight::default() };
-        let in_the_air = |flight: Flight| flight.is_in_the_air(1e-3);
+        let at_rest = UnsupportedGrains { turnover: 1e-3, ..UnsupportedGrains::default() };
+        let in_the_air = |grains: UnsupportedGrains| grains.are_in_the_air(1e-3);
         assert!(!in_the_air(at_rest));
-        assert!(in_the_air(Flight { largest_force: 1e-3, ..at_rest }), "it falls");
-        assert!(in_the_air(Flight { kinetic_energy: 2e-9, ..at_rest }), "it coasts");
-        assert!(!in_the_air(Flight { kinetic_energy: 5e-10, ..at_rest }), "what the limit leaves");
+        assert!(in_the_air(UnsupportedGrains { largest_force: 1e-3, ..at_rest }), "it falls");
+        assert!(in_the_air(UnsupportedGrains { kinetic_energy: 2e-9, ..at_rest }), "it coasts");
+        assert!(!in_the_air(UnsupportedGrains { kinetic_energy: 5e-10, ..at_rest }), "what the limit leaves");
         assert!(
-            !in_the_air(Flight { kinetic_energy: 1e-4, largest_force: 1.0, normal_force: 2.0, ..at_rest }),
+            !in_the_air(UnsupportedGrains { kinetic_energy: 1e-4, largest_force: 1.0, normal_force: 2.0, ..at_rest }),
             "it is borne"
         );
     }

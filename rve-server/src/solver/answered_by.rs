@@ -1,11 +1,11 @@
 //! How an answer was found.
 
-/// Way to the end of a solve.
+/// What found an answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Course {
+pub enum AnsweredBy {
     /// By relaxation, as the definition says.
     #[default]
-    Relaxed,
+    Relaxation,
     /// By the stored linear response of the state: no contact changed its mode.
     Elastic,
     /// By new linear responses of the contacts that stick, slide and are closed at the end.
