@@ -8,7 +8,7 @@ use crate::repeat::median;
 use crate::report::Report;
 use crate::table::Table;
 use anyhow::Context;
-use scenes::{EconomyScene, PACKING, SCENES};
+use scenes::{EconomyScene, SCENES};
 use std::fs;
 use std::path::Path;
 
@@ -29,7 +29,7 @@ const fn other(name: &'static str, settings: &'static [&'static str]) -> Lever {
 }
 
 /// The default first; every other one is compared with it.
-const LEVERS: [Lever; 9] = [
+const LEVERS: [Lever; 10] = [
     exact("default", &["error_estimate.enabled=false"]),
     exact("without unchanged_targets", &["error_estimate.enabled=false", "economy.unchanged_targets=false"]),
     exact("without duplicate_trials", &["error_estimate.enabled=false", "economy.duplicate_trials=false"]),
@@ -37,6 +37,7 @@ const LEVERS: [Lever; 9] = [
     exact("without lanes", &["error_estimate.enabled=false", "pool.lanes=false"]),
     other("tangents at every iterate", &["error_estimate.enabled=false", "solver.tangent_update=\"always\""]),
     exact("with the estimate of the error", &[]),
+    other("event-driven", &["error_estimate.enabled=false", "rve.solver=\"event_driven\""]),
     other("rve.error = 5e-3", &["rve.accuracy=\"default\"", "rve.error=5e-3"]),
     other(
         "without the shortcuts",
@@ -70,6 +71,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         "wall_s",
         "processor_s",
         "processor_ratio",
+        "grains_s",
         "evaluations_per_point",
         "force_evaluations_per_evaluation",
         "saved_share",
@@ -97,6 +99,7 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
                 of(|run| run.cost.wall).into(),
                 of(|run| run.cost.processor).into(),
                 (of(|run| run.cost.processor) / base).into(),
+                of(|run| number(run, &["time", "rve_s"])).into(),
                 number(first, &["evaluations_per_gauss_point"]).into(),
                 force_evaluations(first).into(),
                 saved(first).into(),
@@ -126,7 +129,7 @@ struct Measured {
 fn measure(scene: &EconomyScene, effort: &Effort, folder: &Path) -> anyhow::Result<Measured> {
     let file = folder.join("scene.toml");
     fs::write(&file, scene.text())?;
-    fs::write(folder.join("packing.json"), PACKING)?;
+    fs::write(folder.join("packing.json"), scene.packing)?;
     let settings = |more: &[&str]| -> Vec<String> {
         let quick: &[&str] = if effort.quick { scene.quick } else { &[] };
         scene.settings.iter().chain(quick).chain(more).map(|setting| (*setting).to_owned()).collect()

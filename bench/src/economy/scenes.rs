@@ -6,6 +6,8 @@ pub(super) struct EconomyScene {
     pub(super) name: &'static str,
     /// Column of `history.csv` whose error is measured.
     pub(super) column: &'static str,
+    /// Packing of its cells, as a file.
+    pub(super) packing: &'static str,
     text: &'static str,
     /// Settings of the study; the shorter ones when seconds must do.
     pub(super) settings: &'static [&'static str],
@@ -32,8 +34,11 @@ impl EconomyScene {
     }
 }
 
-/// The packing of all of them.
-pub(super) const PACKING: &str = include_str!("../../../packings/discs-100.json");
+/// The packing of most of them.
+const DISCS_100: &str = include_str!("../../../packings/discs-100.json");
+
+/// That of some, whose cells have more contacts that slide, open or close.
+const DISCS_400: &str = include_str!("../../../packings/discs-400.json");
 
 /// A row of elements between two fixed ends; the lower one is shaken once.
 const WAVE: &str = r#"
@@ -128,10 +133,11 @@ component = "x"
 const BIAXIAL: &str = include_str!("../../../scenes/biaxial-small.toml");
 
 /// All scenes.
-pub(super) const SCENES: [EconomyScene; 5] = [
+pub(super) const SCENES: [EconomyScene; 7] = [
     EconomyScene {
         name: "biaxial-before-the-peak",
         column: "stress_ratio",
+        packing: DISCS_100,
         text: BIAXIAL,
         settings: &["rve.accuracy=\"default\"", "loading.increments=10", "boundary.2.displacement.y=-5e-4"],
         quick: &["loading.increments=1", "mesh.elements=[1, 1]", "boundary.2.displacement.y=-1e-5"],
@@ -139,6 +145,7 @@ pub(super) const SCENES: [EconomyScene; 5] = [
     EconomyScene {
         name: "biaxial-past-the-peak",
         column: "stress_ratio",
+        packing: DISCS_100,
         text: BIAXIAL,
         settings: &["rve.accuracy=\"default\"", "loading.increments=30", "boundary.2.displacement.y=-3e-3"],
         quick: &["loading.increments=1", "mesh.elements=[1, 1]", "boundary.2.displacement.y=-1e-5"],
@@ -146,6 +153,7 @@ pub(super) const SCENES: [EconomyScene; 5] = [
     EconomyScene {
         name: "retaining-wall",
         column: "wall_force",
+        packing: DISCS_100,
         text: include_str!("../../../scenes/geotechnics/wall-active.toml"),
         settings: &[
             "rve.accuracy=\"default\"",
@@ -158,6 +166,15 @@ pub(super) const SCENES: [EconomyScene; 5] = [
     EconomyScene {
         name: "wave",
         column: "force",
+        packing: DISCS_100,
+        text: WAVE,
+        settings: &[],
+        quick: &["mesh.elements=[1, 2]", "loading.duration=1e-5", "dynamics.output_interval=1e-5"],
+    },
+    EconomyScene {
+        name: "wave-400",
+        column: "force",
+        packing: DISCS_400,
         text: WAVE,
         settings: &[],
         quick: &["mesh.elements=[1, 2]", "loading.duration=1e-5", "dynamics.output_interval=1e-5"],
@@ -165,6 +182,15 @@ pub(super) const SCENES: [EconomyScene; 5] = [
     EconomyScene {
         name: "cyclic-shear",
         column: "force",
+        packing: DISCS_100,
+        text: CYCLES,
+        settings: &[],
+        quick: &["mesh.elements=[1, 1]", "loading.duration=0.05", "loading.increments=2"],
+    },
+    EconomyScene {
+        name: "cyclic-shear-400",
+        column: "force",
+        packing: DISCS_400,
         text: CYCLES,
         settings: &[],
         quick: &["mesh.elements=[1, 1]", "loading.duration=0.05", "loading.increments=2"],

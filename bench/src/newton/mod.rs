@@ -1,5 +1,5 @@
 //! How many evaluations each strategy needs: on one element over several packings, and on the biaxial test of
-//! [Argilaga2018] with all eight operators (T-10). What committed iterates save.
+//! [Argilaga2018] with all eight operators (T-10). What committed iterates save. What a coupled run costs for its error (P-2).
 //!
 //! Evaluations are counted twice: as the solver requests them, and as workers compute them, which is less where several points
 //! have bitwise equal trials.
@@ -9,6 +9,7 @@ pub(super) mod case;
 mod committed_iterates;
 mod element;
 mod strategies;
+mod work_precision;
 
 use super::report::Report;
 use crate::effort::Effort;
@@ -17,7 +18,7 @@ use grainspan::exit::{Exit, Failure};
 use strategies::{Variant, chosen, operators, own, rounded};
 
 /// Parts that `--only` may name, besides strategies and operators.
-const PARTS: [&str; 4] = ["element", "biaxial", "mixed", "committed-iterates"];
+const PARTS: [&str; 5] = ["element", "biaxial", "mixed", "committed-iterates", "work-precision"];
 
 /// What `--only` may name.
 pub(super) fn parts(_: &Effort) -> Vec<String> {
@@ -47,6 +48,9 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     if wanted.committed_iterates {
         committed_iterates::run(effort, report)?;
     }
+    if wanted.work_precision {
+        work_precision::run(effort, report)?;
+    }
     Ok(())
 }
 
@@ -55,8 +59,9 @@ struct Wanted {
     element: Vec<Variant>,
     biaxial: Vec<Variant>,
     mixed: Vec<Variant>,
-    /// It has no variants.
+    /// These two have no variants that could be chosen.
     committed_iterates: bool,
+    work_precision: bool,
 }
 
 impl Wanted {
@@ -70,12 +75,14 @@ impl Wanted {
             biaxial: of("biaxial", biaxial::variants()),
             mixed: of("mixed", biaxial::variants()),
             committed_iterates: effort.only.is_empty() || effort.names("committed-iterates"),
+            work_precision: effort.only.is_empty() || effort.names("work-precision"),
         }
     }
 
     fn is_empty(&self) -> bool {
         [&self.element, &self.biaxial, &self.mixed].iter().all(|variants| variants.is_empty())
             && !self.committed_iterates
+            && !self.work_precision
     }
 }
 
@@ -91,7 +98,8 @@ mod tests {
             let wanted = Wanted::of(&Effort { only, quick, ..Effort::default() });
             let [element, biaxial, mixed] =
                 [&wanted.element, &wanted.biaxial, &wanted.mixed].map(|variants| variants.len());
-            assert_eq!(wanted.is_empty(), element + biaxial + mixed == 0 && !wanted.committed_iterates);
+            let others = wanted.committed_iterates || wanted.work_precision;
+            assert_eq!(wanted.is_empty(), element + biaxial + mixed == 0 && !others);
             (element, biaxial, mixed, wanted.committed_iterates)
         };
         let all = (element::variants().len(), biaxial::variants().len(), biaxial::variants().len(), true);
@@ -101,6 +109,7 @@ mod tests {
         assert_eq!(counts(&["mixed", "CTO", "slip_secant_rounded"], false), (0, 0, 1, false));
         assert_eq!(counts(&["biaxial", "slip_secant_rounded"], false), (0, 0, 0, false));
         assert_eq!(counts(&["committed-iterates"], false), (0, 0, 0, true));
+        assert_eq!(counts(&["work-precision"], false), (0, 0, 0, false));
         // A quick look has few variants, unless others are named.
         assert_eq!(counts(&[], true), (3, 2, 2, true));
         assert_eq!(counts(&["CTO"], true), (0, 1, 1, false));

@@ -164,7 +164,7 @@ fn frames_under_controlled_stress_go_on_where_they_snap() {
     });
     assert_eq!(rows.lines().count(), 203, "{said}");
     let off = off.count();
-    assert!(off == 0 || said.contains("not met at an instability"), "{off} rows are off: {said}");
+    assert_eq!(off > 0, said.contains("not met at an instability"), "{off} rows are off: {said}");
     // One increment of 10 %: the search may widen the frame by 6 % at most, and the stress is met in committed steps.
     let coarse = ["--set", "path.1.increments=1"];
     let ran = succeeded(&[&["element", test.to_str().unwrap()][..], &soft, &coarse].concat());

@@ -111,6 +111,8 @@ fn workers_end_with_a_killed_run_and_tidy_up_after_it() {
 fn what_a_killed_run_and_its_killed_workers_leave_is_reported_and_cleaned() {
     let site = Site::new();
     let mut run = site.start_run("a", "2", 500);
+    // One that is still to be started would tidy up.
+    run.await_workers(2);
     let traces = site.traces("a");
     run.await_rows(&site.path("a").join("history.csv"), 1);
     signal(run.pid(), Signal::STOP);

@@ -1,7 +1,8 @@
 //! Work done on a cell along its path, and what numerical damping took of it.
 
-use super::path::Matrix;
+use super::path::{Matrix, flat};
 use crate::solver::PathEnergies;
+use crate::space::{determinant, inverse, product, scaled, transpose};
 
 /// Work and damping over the volume of the packing as given. Both are sums over the steps of the grains where the solver counts them. Elsewhere the
 /// work is one of trapezoids over committed states: mean second Piola stress on the change of the Green strain, so that rotations do not
@@ -42,45 +43,26 @@ impl PathWork {
     fn trapezoid(&self, deformation: &Matrix, stress: &Matrix) -> f64 {
         let pioles = [second_piola(&self.deformation, &self.stress), second_piola(deformation, stress)];
         let strains = [right_cauchy_green(&self.deformation), right_cauchy_green(deformation)];
-        (0..9).map(|k| 0.25 * (pioles[0][k] + pioles[1][k]) * (strains[1][k] - strains[0][k])).sum()
+        let [[before, after], [from, to]] = [pioles.map(|stress| flat(&stress)), strains.map(|strain| flat(&strain))];
+        (0..9).map(|k| 0.25 * (before[k] + after[k]) * (to[k] - from[k])).sum()
     }
 
     /// Work and damping so far over the present volume, J/m3.
     pub(super) fn over_present_volume(&self) -> [f64; 2] {
-        let stretch = volume(&self.deformation, &cofactor(&self.deformation));
+        let stretch = determinant(&self.deformation);
         [self.total / stretch, self.damping / stretch]
     }
 }
 
-/// `F^T F`, as 11, 12, 13, 21, ...
-fn right_cauchy_green(f: &Matrix) -> [f64; 9] {
-    std::array::from_fn(|place| (0..3).map(|k| f[k][place / 3] * f[k][place % 3]).sum())
+/// `F^T F`.
+fn right_cauchy_green(f: &Matrix) -> Matrix {
+    product(&transpose(f), f)
 }
 
-/// `J F^-T`.
-fn cofactor(f: &Matrix) -> Matrix {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let ([a, b], [c, d]) = ([(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]);
-            f[a][c] * f[b][d] - f[a][d] * f[b][c]
-        })
-    })
-}
-
-/// Determinant, from the gradient and its cofactors.
-fn volume(f: &Matrix, cofactor: &Matrix) -> f64 {
-    (0..3).map(|k| f[0][k] * cofactor[0][k]).sum()
-}
-
-/// Second Piola stress relative to the packing as given, Pa: `J F^-1 sigma F^-T` by cofactors.
-fn second_piola(f: &Matrix, stress: &Matrix) -> [f64; 9] {
-    let cofactor = cofactor(f);
-    let volume = volume(f, &cofactor);
-    std::array::from_fn(|place| {
-        let (i, j) = (place / 3, place % 3);
-        let terms = (0..9).map(|pair| cofactor[pair / 3][i] * stress[pair / 3][pair % 3] * cofactor[pair % 3][j]);
-        terms.sum::<f64>() / volume
-    })
+/// Second Piola stress relative to the packing as given, Pa: `J F^-1 sigma F^-T`.
+fn second_piola(f: &Matrix, stress: &Matrix) -> Matrix {
+    let back = inverse(f);
+    scaled(&product(&product(&back, stress), &transpose(&back)), determinant(f))
 }
 
 #[cfg(test)]
