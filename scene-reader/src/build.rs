@@ -28,7 +28,7 @@ use macro_solver::output::RecordPlan;
 use macro_solver::problem::{Problem, Tolerances};
 use protocol::ContentId;
 use rve_server::contact::Rotations;
-use rve_server::definition::{AnyDefinition, RveOptions};
+use rve_server::definition::{AnyDefinition, RveOptions, SolverName};
 use std::path::{Path, PathBuf};
 
 /// A scene, checked and ready to run.
@@ -104,6 +104,10 @@ impl Scene {
         let (mut mesh, mesh_file) = mesh(&document, &file.mesh)?;
         let mesh_identity = mesh_file.is_some().then(|| mesh.identity());
         let mesh_dimension = mesh.dimension.count();
+        if file.rve.solver == SolverName::EventDriven {
+            let points: usize = mesh.kinds.iter().map(|kind| kind.point_count()).sum();
+            file.rve.side_by_side.get_or_insert(points >= POINTS_SIDE_BY_SIDE);
+        }
         let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
         let materials = materials(&document, &file, &Sets { mesh: &mesh }, definition)?;
         for (name, elements) in materials.elements_of_regions(&file, &mesh) {
@@ -226,6 +230,9 @@ impl Scene {
         }
     }
 }
+
+/// Gauss points from which on cells are mostly solved side by side: as many as a processor has lanes.
+const POINTS_SIDE_BY_SIDE: usize = 8;
 
 /// What is to be known about the shapes of the cells, each once.
 fn narrow_cells(materials: &Materials) -> Vec<String> {
