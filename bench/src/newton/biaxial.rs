@@ -13,6 +13,8 @@ use macro_solver::mesh::ElementKind;
 use macro_solver::mesh::block::Block;
 use macro_solver::problem::{Axis, Condition, Criteria, Platen, PressureKind, Problem, Strategy, Tolerances};
 use rve_server::definition::{Accuracy, RveOptions};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
 
 /// Width and height of the specimen, m.
 const SIZE: [f64; 2] = [0.05, 0.10];
@@ -65,13 +67,18 @@ pub(super) fn run(kind: Grains, variants: &[Variant], effort: &Effort, report: &
     let grains =
         packings.into_iter().map(|packing| definition(packing, ACCURACY)).collect::<anyhow::Result<Vec<_>>>()?;
     let points = (4 * elements[0] * elements[1]) as f64;
-    let runs = side_by_side(variants.len(), |variant| {
-        solve_on_grains(&problem(elements, steps, &variants[variant].strategy), &grains)
+    let (discs, name, written) = (effort.choose(400, 100), kind.name(), &*report);
+    let runs: Mutex<BTreeMap<usize, StrategyRun>> = Mutex::default();
+    let ended = side_by_side(variants.len(), |place| -> anyhow::Result<()> {
+        let result = solve_on_grains(&problem(elements, steps, &variants[place].strategy), &grains)?;
+        let mut runs = runs.lock().expect("no thread panics while it writes");
+        runs.insert(place, result);
+        // A study that is ended early leaves what it has found.
+        Ok(written.raw(name, &summary(&with_names(variants, &runs), points))?)
     });
-    let runs = runs.into_iter().collect::<anyhow::Result<Vec<StrategyRun>>>()?;
-    let all: Vec<(&Variant, &StrategyRun)> = variants.iter().zip(&runs).collect();
-    let discs = effort.choose(400, 100);
-    let name = kind.name();
+    ended.into_iter().collect::<anyhow::Result<()>>()?;
+    let runs = runs.into_inner().expect("no thread has panicked");
+    let all = with_names(variants, &runs);
     report.note(&format!(
         "{name}: {} x {} Q8 elements, {number} packings of {discs} discs, draft accuracy, {steps} steps of 1e-3; FNORM/RNORM \
          below 1e-2",
@@ -93,6 +100,14 @@ pub(super) fn run(kind: Grains, variants: &[Variant], effort: &Effort, report: &
     report.chart(name, &chart)?;
     report.note("Cells of one packing under equal strain answer alike; `computed` counts each answer once.")?;
     Ok(())
+}
+
+/// The runs that are done, in the order of their variants.
+fn with_names<'a>(
+    variants: &'a [Variant],
+    runs: &'a BTreeMap<usize, StrategyRun>,
+) -> Vec<(&'a Variant, &'a StrategyRun)> {
+    runs.iter().map(|(place, run)| (&variants[*place], run)).collect()
 }
 
 /// Coarse, but the same for all: what is compared are counts of iterations.

@@ -203,6 +203,8 @@ pub struct Stabilised {
     pub increments: usize,
     /// Point evaluations, those of rejected increments included.
     pub evaluations: u64,
+    /// What the failed attempt before it took; nothing where iterates were committed instead.
+    pub failed: AttemptCost,
     /// Largest out-of-balance force of an intermediate state over reactions and loads.
     pub largest_imbalance: f64,
     /// Viscous work, J, in the plane per metre.

@@ -311,10 +311,11 @@ impl<'a> Solver<'a> {
             self.statistics.cut_backs += 1;
             self.count_failed(begun);
             let tried = AttemptCost::of(&self.statistics);
+            let failed = tried.since(begun);
             let from = target - self.stage_fraction;
             if let Some(settings) = self.stabilises(method, cut_backs + 1, from) {
                 let counters = Counters { cut_backs: cut_backs + 1, ..counters };
-                match self.stabilise(settings, target, &reason, &counters, session)? {
+                match self.stabilise(settings, target, &reason, failed, &counters, session)? {
                     Followed::Accepted(_) => {
                         *size = first_size;
                         return Ok(1);

@@ -1,6 +1,6 @@
 //! Packings brought from their own stress to another one, so that a body can start with the stress of its depth.
 
-use super::compaction::{CHANGED_PACKING, Compaction, Tolerances, content, rows};
+use super::compaction::{Compaction, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, content, rows};
 use super::progress::ProgressLog;
 use super::rotation::rotated;
 use super::stress_target::{Matrix, StressTarget, symmetric, turned_in};
@@ -140,7 +140,7 @@ fn along<S: SolverFor>(
     for stride in 1..=strides {
         let is_last = stride == strides;
         let aim = if is_last { *end } else { between(begin, end, f64::from(stride) / f64::from(strides)) };
-        let tolerances = if is_last { CHANGED_PACKING } else { TOLERANCES_ON_THE_WAY };
+        let tolerances = if is_last { TOLERANCES_OF_CHANGED_PACKINGS } else { TOLERANCES_ON_THE_WAY };
         compaction.aim_at(aim, tolerances, MOST_INCREMENTS, MOST_STRAIN);
         compaction.servo().map_err(|error| with_what_was_carried(error, &carried))?;
         carried = aim;

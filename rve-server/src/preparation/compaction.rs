@@ -77,7 +77,7 @@ pub(crate) struct Tolerances {
 }
 
 /// How far from its target stress, and from rest, a packing may end that was brought to another stress or weakened.
-pub(crate) const CHANGED_PACKING: Tolerances = Tolerances { force: 1e-8, stress: 1e-6 };
+pub(crate) const TOLERANCES_OF_CHANGED_PACKINGS: Tolerances = Tolerances { force: 1e-8, stress: 1e-6 };
 
 /// A cell with a target stress.
 pub(crate) struct Compaction<'a, S: SolverFor> {

@@ -1,7 +1,7 @@
 //! Packings weakened by taking random grains out, as in [Liu2015] section 3.4.
 
 use super::at_stress::has_level_vectors;
-use super::compaction::{CHANGED_PACKING, Compaction, Tolerances, content, rows};
+use super::compaction::{Compaction, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, content, rows};
 use super::progress::ProgressLog;
 use super::random_placement::chosen;
 use super::recipe::Removal;
@@ -97,7 +97,8 @@ fn at_its_stress<S: SolverFor>(
         (0..S::DIMENSION).map(|i| (0..S::DIMENSION).map(|j| 0.5 * (stress[i][j] + stress[j][i])).collect()).collect();
     let target = StressTarget::from_rows(&symmetric, S::DIMENSION)?;
     let mut ignore = |_: &_| {};
-    let packing = weakened(packing, contact, removal, target, CHANGED_PACKING, &ProgressLog::new(&mut ignore))?;
+    let packing =
+        weakened(packing, contact, removal, target, TOLERANCES_OF_CHANGED_PACKINGS, &ProgressLog::new(&mut ignore))?;
     Ok((packing, came_to_rest_first))
 }
 

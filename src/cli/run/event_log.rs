@@ -129,6 +129,8 @@ impl Observer for EventLog {
             load = event.load,
             increments = event.increments,
             evaluations = event.evaluations,
+            failed_evaluations = event.failed.evaluations,
+            failed_force_evaluations = event.failed.force_evaluations,
             largest_imbalance = event.largest_imbalance,
             work = event.work,
             reason = event.reason,

@@ -4,7 +4,7 @@ use super::arguments::Arguments;
 use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
 use super::hosts;
-use super::resume::{Continued, RunDescription, together};
+use super::resume::{Continued, RunDescription, added_up};
 use crate::engines::{EngineAssignment, PoolDefinitions};
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
@@ -166,7 +166,7 @@ pub(super) fn run(
         continued,
         interrupt,
         observer: &mut status_file,
-        hosts: &|| together(before.clone(), hosts.figures()),
+        hosts: &|| added_up(before.clone(), hosts.figures()),
     };
     execute(scene, pool, folder, context)
 }

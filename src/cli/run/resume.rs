@@ -48,7 +48,7 @@ pub(super) struct RunDescription {
 pub(super) type HostFigures = BTreeMap<String, u64>;
 
 /// The figures of two parts of a run together.
-pub(super) fn together(mut before: HostFigures, later: HostFigures) -> HostFigures {
+pub(super) fn added_up(mut before: HostFigures, later: HostFigures) -> HostFigures {
     for (name, count) in later {
         *before.entry(name).or_default() += count;
     }
@@ -349,7 +349,7 @@ mod tests {
             panic!("not continued")
         };
         let later = [("agents_lost", 1), ("agents_joined", 3)].map(|(name, count)| (name.to_owned(), count));
-        let all = together(continued.description.hosts, later.into());
+        let all = added_up(continued.description.hosts, later.into());
         assert_eq!((all["agents_lost"], all["agents_joined"]), (3, 3));
     }
 

@@ -86,7 +86,7 @@ impl Solver<'_> {
                 }
             }
             before.clone_from(&self.balance.internal);
-            relaxation.travelled(&iterate);
+            relaxation.note_displacement(&iterate);
             let force_ratio = norms.ratio(ForceMeasure::Largest);
             last = format!("out-of-balance {force_ratio:.2e}, kinetic energy {:.2e}", relaxation.kinetic_ratio());
             if !force_ratio.is_finite() {
@@ -107,7 +107,8 @@ impl Solver<'_> {
             }
             headway.note(iteration, force_ratio, &iterate);
             if settings.form == RelaxationForm::Corrected && headway.has_ended(iteration) {
-                return self.best_of(headway, iteration, load, session);
+                let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
+                return self.best_of(headway, iteration, displacement_ratio, load, session);
             }
             if iteration % REPORT_EVERY == 0 {
                 let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
@@ -129,16 +130,18 @@ impl Solver<'_> {
         Err(Failure::Attempt(format!("not at rest after {} iterations: {last}", settings.max_iterations)))
     }
 
-    /// The end of a motion without headway: its best iterate, where a step that stagnates may end there.
+    /// The end of a motion without headway, which still moves by `displacement_ratio` of the step in an iteration: its best iterate, where a step
+    /// that stagnates may end there.
     fn best_of(
         &mut self,
         headway: Headway,
         iteration: usize,
+        displacement_ratio: f64,
         load: f64,
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
         let tolerances = &self.stage().tolerances;
-        let allowed = if tolerances.accept_stagnated() { tolerances.stagnated().force } else { 0.0 };
+        let allowed = if tolerances.stagnated_force > 0.0 { tolerances.stagnated().force } else { 0.0 };
         if headway.best > allowed {
             return Err(Failure::Attempt(format!(
                 "no headway in {ALLOWED} iterations: out-of-balance {:.2e} at best after {iteration}",
@@ -147,13 +150,13 @@ impl Solver<'_> {
         }
         let norms = self.evaluate_forces(&headway.iterate, load, session)?;
         let force_ratio = norms.ratio(ForceMeasure::Largest);
-        self.report_iteration(load, iteration, norms.evaluations, force_ratio, 0.0, session);
+        self.report_iteration(load, iteration, norms.evaluations, force_ratio, displacement_ratio, session);
         Ok(Converged {
             increment: headway.iterate,
             load,
             iterations: iteration,
             force_ratio,
-            displacement_ratio: 0.0,
+            displacement_ratio,
             correction: None,
             stagnated: true,
         })

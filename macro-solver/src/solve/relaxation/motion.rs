@@ -34,7 +34,7 @@ pub(crate) struct Relaxation<'a> {
     kinetic: f64,
     largest_kinetic: f64,
     /// Kinetic energy that the motion from the last equilibrium would have without a first iterate that anticipates it.
-    kinetic_of_way: f64,
+    kinetic_of_step: f64,
     hits: usize,
 }
 
@@ -55,7 +55,7 @@ impl<'a> Relaxation<'a> {
             velocity: vec![0.0; masses.len()],
             kinetic: 0.0,
             largest_kinetic: 0.0,
-            kinetic_of_way: 0.0,
+            kinetic_of_step: 0.0,
             hits: 0,
         }
     }
@@ -104,20 +104,20 @@ impl<'a> Relaxation<'a> {
         self.velocity.iter().map(|velocity| step * velocity).collect()
     }
 
-    /// Takes the way of all free degrees of freedom since the last equilibrium, m. In the corrected form it tells how much kinetic energy
-    /// there is to lose: a first iterate that is nearly right leaves a motion of what the cells scatter, which never dies away.
-    pub(crate) fn travelled(&mut self, way: &[f64]) {
-        let inertia: f64 = (0..way.len())
+    /// Takes the displacements since the last equilibrium, m. In the corrected form they tell how much kinetic energy there is to lose: a first
+    /// iterate that is nearly right leaves a motion of what the cells scatter, which never dies away.
+    pub(crate) fn note_displacement(&mut self, displacements: &[f64]) {
+        let inertia: f64 = (0..displacements.len())
             .filter(|&dof| self.is_free[dof] && self.settings.form == RelaxationForm::Corrected)
-            .map(|dof| self.masses[dof] * way[dof] * way[dof])
+            .map(|dof| self.masses[dof] * displacements[dof] * displacements[dof])
             .sum();
-        self.kinetic_of_way = OF_DAMPED_MOTION * 0.5 * self.frequency * self.frequency * inertia;
+        self.kinetic_of_step = OF_DAMPED_MOTION * 0.5 * self.frequency * self.frequency * inertia;
     }
 
-    /// Kinetic energy over the largest that there was, or that there would have been on the way from the last equilibrium; 0 if nothing has
-    /// moved.
+    /// Kinetic energy over the largest that there was, or that a motion from the last equilibrium without a first iterate would have had; 0 if
+    /// nothing has moved.
     pub(crate) fn kinetic_ratio(&self) -> f64 {
-        let largest = self.largest_kinetic.max(self.kinetic_of_way);
+        let largest = self.largest_kinetic.max(self.kinetic_of_step);
         if largest > 0.0 { self.kinetic / largest } else { 0.0 }
     }
 
@@ -167,17 +167,17 @@ mod tests {
         assert_eq!(settled, Some(settings.hits - 1));
     }
 
-    /// A first iterate that is right to the scatter of the cells: what is left has as much kinetic energy as at its start, far less than the
-    /// way of the step would have had.
+    /// A first iterate that is right to the scatter of the cells: what is left has as much kinetic energy as at its start, far less than a motion
+    /// over the displacement of the step would have had.
     #[test]
-    fn a_motion_of_scatter_is_at_rest_beside_the_way_of_the_step() {
+    fn a_motion_of_scatter_is_at_rest_where_the_step_is_large() {
         let settings = RelaxationSettings::default();
         let settled = |way: f64| {
             let mut relaxation = Relaxation::new(&settings, &[1.0], &[true], 20.0);
             (0..100).position(|step: i32| {
                 let residual = if step % 2 == 0 { 1e-4 } else { -1e-4 };
                 relaxation.advance(&[residual]);
-                relaxation.travelled(&[way]);
+                relaxation.note_displacement(&[way]);
                 relaxation.is_settled(1e-4, 1e-3)
             })
         };
@@ -187,7 +187,7 @@ mod tests {
 
     /// The constant is the largest kinetic energy of a critically damped mass.
     #[test]
-    fn a_critically_damped_motion_has_the_kinetic_energy_of_its_way() {
+    fn a_critically_damped_motion_has_the_kinetic_energy_of_its_displacement() {
         let settings = RelaxationSettings { safety: 0.01, ..Default::default() };
         let (way, frequency) = (0.3, 2.0);
         let mut relaxation = Relaxation::new(&settings, &[1.5], &[true], 2.0);
@@ -195,8 +195,8 @@ mod tests {
         for _ in 0..1000 {
             place += relaxation.advance(&[1.5 * frequency * frequency * (place - way)])[0];
         }
-        relaxation.travelled(&[way]);
-        let ratio = relaxation.kinetic_of_way / relaxation.largest_kinetic;
+        relaxation.note_displacement(&[way]);
+        let ratio = relaxation.kinetic_of_step / relaxation.largest_kinetic;
         assert!((ratio - 1.0).abs() < 0.02 && (place - way).abs() < 1e-3, "{ratio}");
     }
 

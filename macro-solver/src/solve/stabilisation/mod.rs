@@ -25,7 +25,7 @@ use crate::model::assembly::balance::Balance;
 use crate::model::body::Body;
 use crate::model::failure::{Failure, failure};
 use crate::model::points::Points;
-use crate::observer::{Outcome, Stabilised as Event};
+use crate::observer::{AttemptCost, Outcome, Stabilised as Event};
 use crate::problem::Stabilisation;
 use path::StabilisedPath;
 
@@ -81,17 +81,19 @@ impl Solver<'_> {
     }
 
     /// Takes a step to the share `target` of the path by viscous stabilisation, after attempts of which the last failed for
-    /// `reason`; `before` are the counters of the step with these attempts.
+    /// `reason` and took `failed`; `before` are the counters of the step with these attempts.
     pub(super) fn stabilise(
         &mut self,
         settings: Stabilisation,
         target: f64,
         reason: &str,
+        failed: AttemptCost,
         before: &Counters,
         session: &mut Session<'_>,
     ) -> Result<Followed, Outcome> {
         let state = self.state_before(session);
-        let path = self.stabilised_path(settings.viscosity, target, reason.to_owned());
+        let mut path = self.stabilised_path(settings.viscosity, target, reason.to_owned());
+        path.event.failed = failed;
         self.take_path(path, state, settings, target, before, session)
     }
 
@@ -175,6 +177,7 @@ impl Solver<'_> {
             load: target,
             increments: 0,
             evaluations: 0,
+            failed: AttemptCost::default(),
             largest_imbalance: 0.0,
             work: 0.0,
             reason,

@@ -159,6 +159,7 @@ fn first_stiffness(body: &Body, moduli: impl Fn(usize) -> [f64; 2]) -> Vec<Block
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observer::AttemptCost;
 
     fn path() -> StabilisedPath {
         let event = Stabilised {
@@ -166,6 +167,7 @@ mod tests {
             load: 1.0,
             increments: 0,
             evaluations: 0,
+            failed: AttemptCost::default(),
             largest_imbalance: 0.0,
             work: 0.0,
             reason: String::new(),

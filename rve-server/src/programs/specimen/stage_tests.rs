@@ -1,6 +1,6 @@
 //! Ends of stages: balance is balance of forces that are borne.
 
-use super::{SpecimenEvent, SpecimenTest, run_specimen};
+use super::{SpecimenEvent, SpecimenRow, SpecimenTest, run_specimen};
 use crate::definition::PackingFile;
 use crate::space::Discs;
 
@@ -15,6 +15,19 @@ fn balance_is_not_waited_for_while_a_stage_strains() {
     assert!(refusal.contains("until_balance") && refusal.contains("in the next one"), "{refusal}");
 }
 
+/// The last row of a test all stages of which end in balance.
+fn balanced(text: &str, packing: &PackingFile<Discs>) -> SpecimenRow {
+    let test: SpecimenTest = toml::from_str(text).unwrap();
+    let mut last = None;
+    let summary = run_specimen(&test, packing, &mut |event| {
+        if let SpecimenEvent::Row(row, _) = event {
+            last = Some((*row).clone());
+        }
+    });
+    assert_eq!(summary.unwrap().unbalanced_stages, 0);
+    last.unwrap()
+}
+
 /// The floor is drawn away under a disc, which falls: the stage that waits for balance ends where it rests on the floor, not on the way.
 #[test]
 fn a_disc_in_free_fall_is_not_balanced() {
@@ -26,18 +39,11 @@ fn a_disc_in_free_fall_is_not_balanced() {
          [[stage]]\nname = \"open\"\nsteps = 10\nstrain = {{ yy = 0.2 }}\n\
          [[stage]]\nname = \"fall\"\nsteps = 100000\nuntil_balance = 1e-2\n"
     );
-    let test: SpecimenTest = toml::from_str(&text).unwrap();
-    let mut rows = Vec::new();
-    let summary = run_specimen(&test, &packing, &mut |event| {
-        if let SpecimenEvent::Row(row, _) = event {
-            rows.push((*row).clone());
-        }
-    });
-    assert_eq!(summary.unwrap().unbalanced_stages, 0);
+    let row = balanced(&text, &packing);
     // Floor and lid share what the floor alone bears, over the width of the cell.
     let weight = std::f64::consts::PI * radius * radius * density * gravity;
     let expected = -0.5 * weight / side;
-    let stress = rows.last().unwrap().wall_stress[1];
+    let stress = row.wall_stress[1];
     assert!((stress / expected - 1.0).abs() < 2e-2, "{stress} Pa, {expected} Pa of the weight");
 }
 
@@ -54,16 +60,8 @@ fn a_floor_bears_the_weight_of_the_grains_and_the_plate_on_them() {
          friction = 0.5\ndensity = {density}\n[motion]\ngravity = [0.0, -{gravity}]\nscaled_masses = false\n\
          [[stage]]\nname = \"load\"\nsteps = 200000\nstress = {{ yy = -1e5 }}\nuntil_balance = 1e-3\n"
     );
-    let test: SpecimenTest = toml::from_str(&text).unwrap();
-    let mut rows = Vec::new();
-    let summary = run_specimen(&test, &packing, &mut |event| {
-        if let SpecimenEvent::Row(row, _) = event {
-            rows.push((*row).clone());
-        }
-    });
-    assert_eq!(summary.unwrap().unbalanced_stages, 0);
+    let row = balanced(&text, &packing);
     // The mean of both walls has half of the weight above the plate's stress.
-    let row = rows.last().unwrap();
     let width = side * (1.0 + row.strain[0]);
     let expected = -1e5 - 0.5 * 4.0 * std::f64::consts::PI * radius * radius * density * gravity / width;
     assert!((row.wall_stress[1] / expected - 1.0).abs() < 2e-3, "{} for {expected} Pa", row.wall_stress[1]);
