@@ -253,8 +253,14 @@ fn check(common: &Common<'_>, sweeps: &[Sweep], combinations: &[Vec<&str>]) -> R
     let chosen: Vec<Vec<&str>> =
         if combinations.len() <= MOST_CHECKED { combinations.to_vec() } else { each_value.collect() };
     let mut first = None;
+    let mut warned = BTreeSet::new();
     for values in &chosen {
         let (document, test, packing) = read(common, sweeps, values)?;
+        if let Some(remark) = packing.narrow_cell()
+            && warned.insert(test.packing.clone())
+        {
+            tell(format_args!("warning: {}: {remark}", test.packing.display()));
+        }
         expect_place(common.out, &[common.path, &document.resolve(Path::new(&test.packing))])?;
         let dimension = packing.dimension();
         match first {

@@ -6,6 +6,7 @@ use super::statistics::{PowerFit, Statistics};
 use crate::cli::pack::{SoftGrains, soft_grains};
 use crate::exit::Failure;
 use protocol::TangentKind;
+use rve_server::definition::Packing;
 use rve_server::preparation::{PackingRecipe, generate_any};
 use rve_server::programs::rve_test::run_element_on;
 use scene_reader::{Ensemble, RowMeasure, Study};
@@ -34,6 +35,8 @@ pub(super) struct Sample {
     pub(super) place: Place,
     /// Its paths; why there are none.
     pub(super) paths: Result<Vec<Path>, String>,
+    /// A warning about its packing.
+    pub(super) remark: Option<String>,
 }
 
 /// All samples of a study.
@@ -110,15 +113,17 @@ fn measures(study: &Study) -> Vec<RowMeasure> {
 
 /// One packing with all its paths.
 fn sample(study: &Study, place: Place, measures: &[RowMeasure], keep_going: &(dyn Fn() -> bool + Sync)) -> Sample {
-    let interrupted = || Sample { place, paths: Err(INTERRUPTED.to_owned()) };
+    let interrupted = || Sample { place, paths: Err(INTERRUPTED.to_owned()), remark: None };
     if !keep_going() {
         return interrupted();
     }
     let recipe =
         PackingRecipe { seed: place.seed, number: place.grains, ..study.recipes[place.recipe].recipe.clone() };
-    let paths = match generate_any(&recipe, &mut |_| ()) {
+    let packing = generate_any(&recipe, &mut |_| ()).map(|(packing, _)| packing);
+    let remark = packing.as_ref().ok().and_then(Packing::narrow_cell);
+    let paths = match packing {
         Err(error) => Err(format!("no packing: {error}")),
-        Ok((packing, _)) => Ok(study
+        Ok(packing) => Ok(study
             .tests
             .iter()
             .map(|entry| {
@@ -136,10 +141,17 @@ fn sample(study: &Study, place: Place, measures: &[RowMeasure], keep_going: &(dy
             })
             .collect()),
     };
-    if keep_going() { Sample { place, paths } } else { interrupted() }
+    if keep_going() { Sample { place, paths, remark } } else { interrupted() }
 }
 
 impl Results<'_> {
+    /// Warnings about packings, each with the name of its sample.
+    pub(super) fn remarks(&self) -> Vec<String> {
+        let of =
+            |sample: &Sample| sample.remark.as_ref().map(|remark| format!("{}: {remark}", self.name(sample.place)));
+        self.samples.iter().filter_map(of).collect()
+    }
+
     /// What a sample is called.
     pub(super) fn name(&self, place: Place) -> String {
         format!("{}, {} grains, seed {}", self.study.recipes[place.recipe].name, place.grains, place.seed)

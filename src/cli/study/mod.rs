@@ -87,12 +87,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             tell(format_args!("{done} of {total}: {recipe}, {} grains, seed {}", place.grains, place.seed));
         }
     });
+    let remarks = results.remarks();
+    if let [first, others @ ..] = &remarks[..] {
+        let others = if others.is_empty() { String::new() } else { format!(" ({} more of this kind)", others.len()) };
+        tell(format_args!("warning: {first}{others}"));
+    }
     let failures = results.failures();
     if interrupt.is_raised() && results.samples.iter().all(|sample| sample.paths.is_err()) {
         let text = format!("interrupted before a packing had ended; {} is as it was", out.display());
         return Err(Failure::new(Exit::Interrupted, text));
     }
-    deliver(&results, &failures, arguments, &out)?;
+    deliver(&results, &failures, &remarks, arguments, &out)?;
     if !arguments.quiet {
         tell(format_args!("written to {}", out.display()));
     }
@@ -138,6 +143,8 @@ struct Provenance<'a> {
     samples: usize,
     failed_samples: usize,
     failures: &'a [String],
+    /// Warnings about packings.
+    remarks: &'a [String],
     /// Rows of all paths with a shortcut or a degradation.
     fallbacks: Vec<Fallback>,
     commit_of_inputs: Option<String>,
@@ -153,7 +160,13 @@ struct Fallback {
     paths: usize,
 }
 
-fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, out: &Path) -> Result<(), Failure> {
+fn deliver(
+    results: &Results<'_>,
+    failures: &[String],
+    remarks: &[String],
+    arguments: &Arguments,
+    out: &Path,
+) -> Result<(), Failure> {
     let study: &Study = results.study;
     let provenance_file = out.join(format!("{}.json", study.name));
     remove_earlier(&provenance_file)?;
@@ -193,6 +206,7 @@ fn deliver(results: &Results<'_>, failures: &[String], arguments: &Arguments, ou
         samples: results.samples.len(),
         failed_samples: failed_samples(results),
         failures,
+        remarks,
         fallbacks,
         commit_of_inputs: commit_of(folder.unwrap_or(Path::new("."))),
         files,

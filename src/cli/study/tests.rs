@@ -97,3 +97,12 @@ fn failed_samples_are_counted_and_named() {
     assert_eq!(results.failures().len(), 2);
     assert!(results.failures()[1].starts_with("dense, 12 grains, seed 2: no packing: "), "{:?}", results.failures());
 }
+
+#[test]
+fn narrow_cells_are_told_with_the_name_of_their_sample() {
+    let text = TEXT.replace("seeds = 2\ngrains = [12, 16]", "seeds = 1\ngrains = [4, 16]");
+    let study = study(&text.replace("grains = 12", "grains = 16"));
+    let remarks = made(&study, 1).remarks();
+    assert_eq!(remarks.len(), 1, "{remarks:?}");
+    assert!(remarks[0].starts_with("dense, 4 grains, seed 1: the cell is 1."), "{remarks:?}");
+}

@@ -115,104 +115,187 @@ fn runs(size: Size) -> Vec<Run> {
 }
 
 fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
-    let x = ("axial compression", Scale::Linear);
-    let mut chart = Chart::new("[Liu2018] Fig. 4: meshes", x, ("|(s11 - s22) / (s11 + s22)|", Scale::Linear));
-    let mut contacts = Chart::new("[Liu2018] Fig. 5a: meshes", x, ("contacts per grain", Scale::Linear));
-    let mut anisotropy = Chart::new("[Liu2018] Fig. 5b: meshes", x, ("anisotropy of the contacts", Scale::Linear));
-    let y = ("standard deviation over the points", Scale::Linear);
-    let mut deviation = Chart::new("[Liu2018] Fig. 6: spread of |(s11 - s22) / (s11 + s22)|", x, y);
-    let (mut strains, mut increments) = (Vec::new(), Vec::new());
-    let mut deviations = Vec::new();
-    let mut comparisons = Vec::new();
-    let mut curves = Vec::new();
+    let mut collected = Collected::new();
     for &mesh in meshes(size) {
+        collected.add_mesh(results, mesh)?;
+    }
+    collected.compare_meshes(size);
+    let points = collected.add_points(results, size)?;
+    let highest = collected.highest();
+    let of_studies =
+        meshes(size).iter().position(|mesh| *mesh == OF_STUDIES).map(|place| collected.curves[place].clone());
+    let mut drawn = Vec::new();
+    for (letter, _) in assemblies(size) {
+        drawn.extend(collected.add_assembly(results, letter, of_studies.as_ref(), highest)?);
+    }
+    collected.ratio.published("[Liu2018]: largest value 0.39 at 7.3 %", [[0.073, 0.39]]);
+    collected.anisotropy.published("[Liu2018]: 0.27 at 7.3 %, 2 x 4 elements", [[0.073, 0.27]]);
+    let map = |title: &str, quantity: &str, panels| Map { title: title.into(), quantity: quantity.into(), panels };
+    let increment = map(
+        "[Liu2018] Fig. 7: meshes, elements and compression",
+        "incremental equivalent strain of the last step",
+        collected.increments,
+    );
+    let strain = map("Meshes, elements and compression", "shear strain since the start", collected.strains);
+    let charts = [
+        ("", collected.ratio),
+        ("contacts", collected.contacts),
+        ("anisotropy", collected.anisotropy),
+        ("spread", collected.deviation),
+    ];
+    Ok(Outcome {
+        charts: charts.into_iter().chain(points).collect(),
+        maps: vec![("map", strain), ("increment", increment)],
+        drawn,
+        comparisons: collected.comparisons,
+        notes: results.notes(),
+    })
+}
+
+/// The charts and rows as they grow from mesh to mesh and from assembly to assembly.
+struct Collected {
+    ratio: Chart,
+    contacts: Chart,
+    anisotropy: Chart,
+    deviation: Chart,
+    /// Stress ratio over compression of each mesh.
+    curves: Vec<Curve>,
+    /// Standard deviation of the stress ratio over the points of each mesh.
+    deviations: Vec<Curve>,
+    strains: Vec<Panel>,
+    increments: Vec<Panel>,
+    comparisons: Vec<Comparison>,
+}
+
+impl Collected {
+    fn new() -> Self {
+        let x = ("axial compression", Scale::Linear);
+        let chart = |title: &str, y: &str| Chart::new(title, x, (y, Scale::Linear));
+        Self {
+            ratio: chart("[Liu2018] Fig. 4: meshes", "|(s11 - s22) / (s11 + s22)|"),
+            contacts: chart("[Liu2018] Fig. 5a: meshes", "contacts per grain"),
+            anisotropy: chart("[Liu2018] Fig. 5b: meshes", "anisotropy of the contacts"),
+            deviation: chart(
+                "[Liu2018] Fig. 6: spread of |(s11 - s22) / (s11 + s22)|",
+                "standard deviation over the points",
+            ),
+            curves: Vec::new(),
+            deviations: Vec::new(),
+            strains: Vec::new(),
+            increments: Vec::new(),
+            comparisons: Vec::new(),
+        }
+    }
+
+    /// Largest stress ratio of all meshes.
+    fn highest(&self) -> f64 {
+        self.curves.iter().flatten().map(|point| point[1]).fold(0.0, f64::max)
+    }
+
+    fn add_mesh(&mut self, results: &Results, mesh: (usize, usize)) -> Result<(), ReproduceError> {
         let run = results.run(&name(mesh))?;
         let biaxial = biaxial(run)?;
-        let curve = biaxial.ratio;
-        let top = peak(&curve)?;
+        let top = peak(&biaxial.ratio)?;
         let label = format!("{} x {} elements", mesh.0, mesh.1);
-        comparisons.push(Comparison::new(
-            format!("peak stress ratio, {label}"),
-            "-",
-            Theirs::Value(0.39),
-            "[Liu2018] section 4.3.2 (2 x 4)",
-            top[1],
-            Tolerance::Absolute(0.03),
-        ));
-        comparisons.push(Comparison::reported(format!("strain at the peak, {label}"), "-", top[0]));
-        comparisons.push(Comparison::new(
-            format!("strain at the largest anisotropy less that at the peak, {label}"),
+        let increment = last_field(run, mesh, INCREMENT)?;
+        self.comparisons.extend([
+            Comparison::new(
+                format!("peak stress ratio, {label}"),
+                "-",
+                Theirs::Value(0.39),
+                "[Liu2018] section 4.3.2 (2 x 4)",
+                top[1],
+                Tolerance::Absolute(0.03),
+            ),
+            Comparison::reported(format!("strain at the peak, {label}"), "-", top[0]),
+            Comparison::new(
+                format!("strain at the largest anisotropy less that at the peak, {label}"),
+                "-",
+                Theirs::Value(0.0),
+                "[Liu2018] section 4.2, band of J-1",
+                peak(&biaxial.anisotropy)?[0] - top[0],
+                Tolerance::Absolute(0.01),
+            ),
+            Comparison::reported(
+                format!("incremental equivalent strain of the last step, largest over mean, {label}"),
+                "-",
+                concentration(&increment),
+            ),
+        ]);
+        self.ratio.curve(&label, biaxial.ratio.clone());
+        self.contacts.curve(&label, biaxial.contacts);
+        self.anisotropy.curve(&label, biaxial.anisotropy);
+        self.deviation.curve(&label, biaxial.deviation.clone());
+        self.curves.push(biaxial.ratio);
+        self.deviations.push(biaxial.deviation);
+        self.strains.push(last_field(run, mesh, STRAIN)?);
+        self.increments.push(increment);
+        Ok(())
+    }
+
+    /// What changes from mesh to mesh.
+    fn compare_meshes(&mut self, size: Size) {
+        self.comparisons.push(Comparison::new(
+            "largest difference of two meshes up to 5 % strain, over the peak",
             "-",
             Theirs::Value(0.0),
             "[Liu2018] section 4.2, band of J-1",
-            peak(&biaxial.anisotropy)?[0] - top[0],
-            Tolerance::Absolute(0.01),
+            spread(&self.curves) / self.highest(),
+            Tolerance::Absolute(0.03),
         ));
-        contacts.curve(&label, biaxial.contacts);
-        anisotropy.curve(&label, biaxial.anisotropy);
-        deviation.curve(&label, biaxial.deviation.clone());
-        deviations.push(biaxial.deviation);
-        strains.push(last_field(run, mesh, STRAIN)?);
-        let increment = last_field(run, mesh, INCREMENT)?;
-        comparisons.push(Comparison::reported(
-            format!("incremental equivalent strain of the last step, largest over mean, {label}"),
-            "-",
-            concentration(&increment),
-        ));
-        increments.push(increment);
-        chart.curve(&label, curve.clone());
-        curves.push(curve);
-    }
-    let highest = curves.iter().flatten().map(|point| point[1]).fold(0.0, f64::max);
-    comparisons.push(Comparison::new(
-        "largest difference of two meshes up to 5 % strain, over the peak",
-        "-",
-        Theirs::Value(0.0),
-        "[Liu2018] section 4.2, band of J-1",
-        spread(&curves) / highest,
-        Tolerance::Absolute(0.03),
-    ));
-    for (&mesh, own) in meshes(size).iter().zip(&deviations) {
-        comparisons.push(Comparison::reported(
-            format!("spread of the stress ratio over the points, 5 to 10 % strain, {} x {} elements", mesh.0, mesh.1),
-            "-",
-            mean_between(own, 0.05, 0.1),
-        ));
-    }
-    if let [.., coarse, fine] = &deviations[..]
-        && size == Size::Paper
-    {
-        comparisons.push(Comparison::holds(
-            "the spread over the points is larger on 4 x 8 elements than on 2 x 4",
-            "[Liu2018] section 4.2",
-            mean_between(fine, 0.0, 0.1) > mean_between(coarse, 0.0, 0.1),
-        ));
-    }
-    if let [.., coarse, fine] = &increments[..] {
-        comparisons.push(Comparison::holds(
-            "the incremental equivalent strain of the last step is more localised on the finest mesh than on the next",
-            "[Liu2018] section 4.2, Fig. 7",
-            concentration(fine) > concentration(coarse),
-        ));
-    }
-    let mut points = Vec::new();
-    for (mesh, figure, part) in DRAWN {
-        if let Some(place) = meshes(size).iter().position(|own| *own == mesh) {
-            let ratios = ratios_of_points(results.run(&name(mesh))?, point_count(mesh))?;
-            comparisons.extend(of_points(mesh, &ratios));
-            points.push((part, points_chart(figure, mesh, &ratios, &curves[place])));
+        for (&(across, up), own) in meshes(size).iter().zip(&self.deviations) {
+            self.comparisons.push(Comparison::reported(
+                format!("spread of the stress ratio over the points, 5 to 10 % strain, {across} x {up} elements"),
+                "-",
+                mean_between(own, 0.05, 0.1),
+            ));
+        }
+        if let [.., coarse, fine] = &self.deviations[..]
+            && size == Size::Paper
+        {
+            self.comparisons.push(Comparison::holds(
+                "the spread over the points is larger on 4 x 8 elements than on 2 x 4",
+                "[Liu2018] section 4.2",
+                mean_between(fine, 0.0, 0.1) > mean_between(coarse, 0.0, 0.1),
+            ));
+        }
+        if let [.., coarse, fine] = &self.increments[..] {
+            self.comparisons.push(Comparison::holds(
+                "the incremental equivalent strain of the last step is more localised on the finest mesh than on the next",
+                "[Liu2018] section 4.2, Fig. 7",
+                concentration(fine) > concentration(coarse),
+            ));
         }
     }
-    let of_studies = meshes(size).iter().position(|mesh| *mesh == OF_STUDIES).map(|place| &curves[place]);
-    let mut drawn = Vec::new();
-    for (letter, _) in assemblies(size) {
-        let mut of_boundaries = Vec::new();
+
+    /// Rows of single Gauss points, and a chart of them for each mesh of which the paper draws one.
+    fn add_points(&mut self, results: &Results, size: Size) -> Result<Vec<(&'static str, Chart)>, ReproduceError> {
+        let mut charts = Vec::new();
+        for (mesh, figure, part) in DRAWN {
+            if let Some(place) = meshes(size).iter().position(|own| *own == mesh) {
+                let ratios = ratios_of_points(results.run(&name(mesh))?, point_count(mesh))?;
+                self.comparisons.extend(of_points(mesh, &ratios));
+                charts.push((part, points_chart(figure, mesh, &ratios, &self.curves[place])));
+            }
+        }
+        Ok(charts)
+    }
+
+    /// Curves and rows of an assembly within each boundary, and the picture of its force chains within that of the paper.
+    fn add_assembly(
+        &mut self,
+        results: &Results,
+        letter: &str,
+        of_studies: Option<&Curve>,
+        highest: f64,
+    ) -> Result<Vec<(String, String)>, ReproduceError> {
+        let (mut drawn, mut of_boundaries) = (Vec::new(), Vec::new());
         for (name, words, _) in boundaries(letter) {
             let run = results.run(&assembly_name(letter, name))?;
             let curve = bounded_grains(run)?;
             let is_tied = *name == TIED;
             let is_as_printed = is_tied || *name == SERVO;
-            comparisons.extend(of_grains(letter, words, &curve, of_studies, highest, is_as_printed)?);
+            self.comparisons.extend(of_grains(letter, words, &curve, of_studies, highest, is_as_printed)?);
             if is_tied {
                 let last = run.table()?.column("increment")?.last().copied().unwrap_or(0.0);
                 let stem = format!("increment-{last:04}");
@@ -222,10 +305,10 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
                 drawn.push((format!("grains-{}", letter.to_lowercase()), picture.replace(&stem, &title)));
             }
             of_boundaries.push(curve.clone());
-            chart.curve(&format!("all grains, assembly {letter}, {words}"), curve);
+            self.ratio.curve(&format!("all grains, assembly {letter}, {words}"), curve);
         }
         if let [tied, _, servo] = &of_boundaries[..] {
-            comparisons.push(Comparison::new(
+            self.comparisons.push(Comparison::new(
                 format!("largest difference of the servo from opposite grains that move as one up to 4 % strain, over the peak, assembly {letter}"),
                 "-",
                 Theirs::Value(0.0),
@@ -235,26 +318,10 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
             ));
         }
         let walls = grains(results.run(&assembly_name(letter, WALLS))?)?;
-        comparisons.extend(of_grains(letter, "smooth walls", &walls, of_studies, highest, false)?);
-        chart.curve(&format!("all grains, assembly {letter}, smooth walls"), walls);
+        self.comparisons.extend(of_grains(letter, "smooth walls", &walls, of_studies, highest, false)?);
+        self.ratio.curve(&format!("all grains, assembly {letter}, smooth walls"), walls);
+        Ok(drawn)
     }
-    chart.published("[Liu2018]: largest value 0.39 at 7.3 %", [[0.073, 0.39]]);
-    anisotropy.published("[Liu2018]: 0.27 at 7.3 %, 2 x 4 elements", [[0.073, 0.27]]);
-    let map = |title: &str, quantity: &str, panels| Map { title: title.into(), quantity: quantity.into(), panels };
-    let increment = map(
-        "[Liu2018] Fig. 7: meshes, elements and compression",
-        "incremental equivalent strain of the last step",
-        increments,
-    );
-    let strain = map("Meshes, elements and compression", "shear strain since the start", strains);
-    let charts = [("", chart), ("contacts", contacts), ("anisotropy", anisotropy), ("spread", deviation)];
-    Ok(Outcome {
-        charts: charts.into_iter().chain(points).collect(),
-        maps: vec![("map", strain), ("increment", increment)],
-        drawn,
-        comparisons,
-        notes: results.notes(),
-    })
 }
 
 /// Highest and lowest stress ratio of the points at the strain at which the paper looks for them.
