@@ -57,14 +57,19 @@ static void expect(int holds, const char *what) {
 }
 
 /* Calls the user material for element 1, point 1 in plane strain; F by columns, diagonal. Returns PNEWDT. */
-static double material(double begin, double duration, const double before[2], const double after[2], double stress[4]) {
+static double material_of_layer(const char *name, int layer, double begin, double duration, const double before[2],
+                                const double after[2], double stress[4]) {
     double state[5], jacobian[16], unused[16] = {0}, time[2] = {begin, begin}, pnewdt = 1.0;
     double f0[9] = {before[0], 0, 0, 0, before[1], 0, 0, 0, 1}, f1[9] = {after[0], 0, 0, 0, after[1], 0, 0, 0, 1};
     int ndi = 3, nshr = 1, ntens = 4, nstatv = 5, one = 1, none = 0;
     umat_(stress, state, jacobian, unused, unused, unused, unused, unused, unused, unused, unused, unused, time, &duration, unused,
-          unused, unused, unused, "GRAINS", &ndi, &nshr, &ntens, &nstatv, unused, &none, unused, unused, &pnewdt, unused, f0, f1,
-          &one, &one, &one, &one, &one, &one);
+          unused, unused, unused, name, &ndi, &nshr, &ntens, &nstatv, unused, &none, unused, unused, &pnewdt, unused, f0, f1,
+          &one, &one, &layer, &one, &one, &one);
     return pnewdt;
+}
+
+static double material(double begin, double duration, const double before[2], const double after[2], double stress[4]) {
+    return material_of_layer("GRAINS", 1, begin, duration, before, after, stress);
 }
 
 /* Discs have no stiffness out of their plane: a strain along the third axis is refused, of solids too. */
@@ -112,6 +117,9 @@ static void behaviours(const GrainspanPool *pool) {
     first = variables[1][0];
     operator[0] = 0.0;
     expect(behaviour(0, 0.0, -3.0, variables, stress, operator) == -1, "a refusal");
+    operator[0] = 104.0;
+    expect(behaviour(0, 0.0, -1e-4, variables, stress, operator) == -1, "the speed of sound is refused");
+    operator[0] = 0.0;
     expect(behaviour(0, 0.0, -1e-4, variables, stress, operator) == 1 && stress[1] != wanted[4], "another iteration");
     expect(variables[1][0] != first, "another state");
     /* The host goes on from the iteration before the last. */
@@ -201,12 +209,16 @@ int main(int count, char **words) {
     expect(material(0.0, 1.0, start, far, stress) == 0.5, "a refusal asks for half the increment");
     expect(material(0.0, 0.5, start, first, stress) == 1.0 && stress[1] == wanted[4], "the shortened increment");
     expect(material(0.0, 0.5, start, first, stress) == 1.0 && stress[1] == wanted[4], "another iteration");
+    expect(material_of_layer("GRAINS", 2, 0.0, 0.5, start, second, stress) == 1.0 && stress[1] < wanted[4], "another layer");
     done(grainspan_commit(pool, 1, &state));
     step[4] = (second[1] - first[1]) / first[1];
     done(grainspan_trial(pool, 1, &state, step, USUAL_TANGENT, 0, wanted, NULL, NULL, NULL));
     expect(material(0.5, 0.5, first, second, stress) == 1.0, "the next increment");
     expect(stress[1] - wanted[4] < -1e-4 * wanted[4] && wanted[4] - stress[1] < -1e-4 * wanted[4], "its stress");
     expect(material(0.2, 0.5, first, second, stress) == 0.5, "another time is refused");
+    expect(material_of_layer("GRAINS", 3, 0.5, 0.5, first, second, stress) == 0.5, "a layer that comes late is refused");
+    expect(material_of_layer("@ABAQUS_GRAINS", 3, 0.0, 0.5, start, first, stress) == 1.0, "CalculiX has no layers");
+    expect(material_of_layer("@ABAQUS_GRAINS", 9, 0.5, 0.5, first, second, stress) == 1.0, "whatever it says of them");
 
     beyond_the_plane();
     behaviours(pool);

@@ -2,9 +2,8 @@
 
 use crate::error::PoolError;
 use protocol::TangentKind;
-use rve_server::programs::rve_test::{ElementCsv, ElementError, ElementSummary, run_element_on};
+use rve_server::programs::rve_test::{ElementError, ElementSummary, element_table};
 use scene_reader::{Document, read_element_test};
-use std::ops::ControlFlow;
 use std::path::Path;
 
 /// What a test has left.
@@ -31,23 +30,13 @@ pub fn element_test(
 ) -> Result<ElementOutcome, PoolError> {
     let document = Document::from_text(&folder.join("test.toml"), text, &[])?;
     let (test, packing) = read_element_test(&document)?;
-    let mut csv = Vec::new();
-    let mut encoder = ElementCsv::new(&mut csv, tangent).map_err(unwritable)?;
-    let mut written = Ok(());
-    let (mut is_stopped, mut so_far) = (false, ElementSummary::default());
-    let ended = run_element_on(&test, packing, tangent, &mut |row| {
-        written = encoder.write(row);
-        so_far.add(row);
-        is_stopped = !keep_going();
-        if written.is_err() || is_stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
-    drop(encoder);
-    written.map_err(unwritable)?;
-    match ended {
-        _ if is_stopped => Err(PoolError::Interrupted),
-        Ok(summary) => Ok(ElementOutcome { csv, summary, stopped: None }),
+    let table = element_table(&test, packing, tangent, false, keep_going).map_err(unwritable)?;
+    let (csv, summary) = (table.csv, table.end.summary);
+    match table.end.result {
+        _ if table.is_interrupted => Err(PoolError::Interrupted),
+        Ok(()) => Ok(ElementOutcome { csv, summary, stopped: None }),
         Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
-        Err(error) => Ok(ElementOutcome { csv, summary: so_far, stopped: Some(error) }),
+        Err(error) => Ok(ElementOutcome { csv, summary, stopped: Some(error) }),
     }
 }
 

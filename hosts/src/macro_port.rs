@@ -6,6 +6,7 @@ use crate::listener::{AgentListener, Arrival, Peer};
 use crate::message::{Body, FromAgent, MessageError, ToAgent, unpacked, with_control, with_frame, with_jobs};
 use crate::state_mirror::StateMirror;
 use crate::statistics::Figures;
+use protocol::StateId;
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::delivery::deliver_to_macro;
 use protocol::transport::frame::{Frame, FrameError, FrameKind, Outgoing};
@@ -321,22 +322,20 @@ impl MacroPort for NetworkMacroPort {
     fn send_jobs(&mut self, worker: WorkerId, jobs: &[LoadedJob<'_>]) -> Result<(), TransportError> {
         let (number, slot) = self.slot(worker)?;
         let mut jobs = jobs.to_vec();
-        let mut kept = Vec::new();
+        let (mut kept, mut saved) = (Vec::new(), 0);
+        // States that this message brings. The mirror takes note of them once it is sent: one that is too long brings none.
+        let mut brought: Vec<(StateId, usize)> = Vec::new();
         if let Some(mirror) = self.agents.get_mut(&number).and_then(|agent| agent.mirror.as_mut()) {
-            let mut saved = 0;
             for (place, one) in jobs.iter_mut().enumerate().filter(|(_, one)| !one.state.is_empty()) {
-                if mirror.holds(one.job.state) {
+                let state = one.job.state;
+                if mirror.holds(state) || brought.iter().any(|(other, _)| *other == state) {
                     saved += one.state.len() as u64;
                     kept.push(place as u32);
                     one.state = &[];
-                } else {
-                    mirror.note(one.job.state, one.state.len());
+                } else if state != StateId::NONE {
+                    brought.push((state, one.state.len()));
                 }
             }
-            self.listener.shared.figures.count(|figures| {
-                figures.states_kept += kept.len() as u64;
-                figures.bytes_saved += saved;
-            });
         }
         let outgoing = Outgoing::Jobs(&jobs);
         let length = outgoing.length_within(self.message_bytes)?;
@@ -347,6 +346,13 @@ impl MacroPort for NetworkMacroPort {
             with_jobs(slot, &kept, length, fill)
         };
         self.post(worker, message)?;
+        if let Some(mirror) = self.agents.get_mut(&number).and_then(|agent| agent.mirror.as_mut()) {
+            brought.into_iter().for_each(|(state, length)| mirror.note(state, length));
+            self.listener.shared.figures.count(|figures| {
+                figures.states_kept += kept.len() as u64;
+                figures.bytes_saved += saved;
+            });
+        }
         self.forget_surplus(number);
         Ok(())
     }
@@ -396,7 +402,7 @@ mod tests {
     use bytemuck::Zeroable;
     use protocol::transport::LoadedReply;
     use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
-    use protocol::{Capabilities, PROTOCOL_VERSION, StateId};
+    use protocol::{Capabilities, PROTOCOL_VERSION};
     use std::time::Instant;
 
     const PATIENCE: Duration = Duration::from_secs(10);

@@ -6,7 +6,9 @@ use hosts::{JoinError, Limits, ListenerOptions, NetworkMacroPort, NetworkWorkerP
 use macro_solver::pool::{Interrupt, JoiningWorkers, Outlook, WorkerSupply};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::in_process::{InProcessConnector, channel};
-use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, WorkerEvent, WorkerId, WorkerPort};
+use protocol::transport::{
+    LoadedJob, LoadedReply, MacroEvent, MacroPort, TransportError, WorkerEvent, WorkerId, WorkerPort,
+};
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{Capabilities, PROTOCOL_VERSION, StateId};
 use std::io::{Read, Write};
@@ -18,9 +20,13 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn listen(program: &str) -> (NetworkMacroPort, Target) {
+    listen_within(program, Limits::default())
+}
+
+fn listen_within(program: &str, limits: Limits) -> (NetworkMacroPort, Target) {
     let secret = Secret::draw().unwrap();
     let program = program.to_owned();
-    let options = ListenerOptions { run: "test".into(), secret: secret.clone(), limits: Limits::default(), program };
+    let options = ListenerOptions { run: "test".into(), secret: secret.clone(), limits, program };
     let port = NetworkMacroPort::listen("127.0.0.1:0", options).unwrap();
     let target = Target { endpoints: vec![port.address().to_string()], secret };
     (port, target)
@@ -239,6 +245,46 @@ fn a_state_travels_to_a_host_once_whichever_of_its_workers_needs_it() {
     answers.iter().for_each(|one| one.send(()).unwrap());
     heard.until(&mut port, |heard| heard.replies.len() == 8);
     assert_eq!((figures.now().states_kept, heard.replies[7].2.clone()), (3, expected));
+    drop(port);
+    assert!(matches!(thread.join().unwrap().0, AgentEnd::RunEnded(_)));
+}
+
+/// Its states have not reached the agent: the jobs that go out one by one instead must carry them.
+#[test]
+fn a_batch_that_is_too_long_leaves_no_state_behind() {
+    let (mut port, target) = listen_within(this_program(), Limits { message_bytes: 1000, ..Limits::default() });
+    let figures = port.figures();
+    let (_, answers, thread) = agent(target, 10_000);
+    let mut heard = Heard::default();
+    heard.until(&mut port, |heard| heard.hellos.len() == 2);
+    let states = [vec![1; 400], vec![2; 400]];
+    let jobs = [0, 1].map(|place| LoadedJob { job: job(place as u64, &states[place]), state: &states[place] });
+    let refused = port.send_jobs(WorkerId(0), &jobs);
+    assert!(matches!(refused, Err(TransportError::TooLarge { limit: 1000, .. })), "{refused:?}");
+    for (number, one) in jobs.iter().enumerate() {
+        port.send_jobs(WorkerId(0), std::slice::from_ref(one)).unwrap();
+        answers.iter().for_each(|one| one.send(()).unwrap());
+        heard.until(&mut port, |heard| heard.replies.len() == number + 1);
+        assert_eq!(heard.replies[number].2, [&states[number][..], b"!"].concat());
+    }
+    assert_eq!(figures.now().states_kept, 0);
+    drop(port);
+    assert!(matches!(thread.join().unwrap().0, AgentEnd::RunEnded(_)));
+}
+
+/// A state that several jobs of one message start from travels once.
+#[test]
+fn jobs_of_one_message_share_a_state() {
+    let (mut port, target) = listen(this_program());
+    let (_, answers, thread) = agent(target, 10_000);
+    let mut heard = Heard::default();
+    heard.until(&mut port, |heard| heard.hellos.len() == 2);
+    let jobs = [0, 1].map(|number| LoadedJob { job: job(number, b"state"), state: b"state" });
+    port.send_jobs(WorkerId(0), &jobs).unwrap();
+    (0..2).for_each(|_| answers[0].send(()).unwrap());
+    heard.until(&mut port, |heard| heard.replies.len() == 2);
+    assert!(heard.replies.iter().all(|(_, _, state)| state == b"state!"));
+    assert_eq!(port.figures().now().states_kept, 1);
     drop(port);
     assert!(matches!(thread.join().unwrap().0, AgentEnd::RunEnded(_)));
 }

@@ -16,6 +16,9 @@ pub const PAUSED: &str = "paused";
 /// A file that a run without checkpoints keeps in the folder.
 pub const NO_CHECKPOINTS: &str = "no-checkpoints";
 
+/// A file that a run keeps in the folder from a request to save its state that failed until the next one; its text is the reason.
+pub const NOT_SAVED: &str = "not-saved";
+
 /// What a run can be asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
@@ -100,14 +103,27 @@ impl Controls {
         points
     }
 
-    /// Puts a file there.
+    /// Text of a file, if it is there.
+    pub fn text(&self, name: &str) -> Option<String> {
+        fs::read_to_string(self.folder.join(name)).ok()
+    }
+
+    /// Puts an empty file there.
     ///
     /// # Errors
     /// The folder cannot be written to.
     pub fn put(&self, name: &str) -> Result<(), PageError> {
+        self.put_text(name, "")
+    }
+
+    /// Puts a file there. On a full disk it may be empty.
+    ///
+    /// # Errors
+    /// The folder cannot be written to.
+    pub fn put_text(&self, name: &str, text: &str) -> Result<(), PageError> {
         let path = self.folder.join(name);
         fs::create_dir_all(&self.folder)
-            .and_then(|()| fs::write(&path, b""))
+            .and_then(|()| fs::write(&path, text))
             .map_err(|error| PageError(format!("could not write {}: {error}", path.display())))
     }
 

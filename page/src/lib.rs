@@ -16,7 +16,7 @@ mod report;
 mod server;
 mod stamp;
 
-pub use controls::{Action, Controls, NO_CHECKPOINTS, PAUSED};
+pub use controls::{Action, Controls, NO_CHECKPOINTS, NOT_SAVED, PAUSED};
 pub use error::PageError;
 pub use folder::RunFolder;
 pub use program::Program;

@@ -5,7 +5,7 @@
 //! axially symmetric ones end after the plane components. Operators are row by row: a row for each component of the force.
 
 use protocol::{Tensor2, Tensor4};
-use rve_server::space::{inverse, product};
+use rve_server::space::{determinant, inverse, product};
 use std::f64::consts::SQRT_2;
 
 /// A tensor by rows.
@@ -233,11 +233,6 @@ fn contract(first: &Matrix, second: &Matrix) -> f64 {
 
 fn transposed(tensor: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| tensor[j][i]))
-}
-
-fn determinant(tensor: &Matrix) -> f64 {
-    let minor = |j: usize, k: usize| tensor[1][j] * tensor[2][k] - tensor[1][k] * tensor[2][j];
-    tensor[0][0] * minor(1, 2) - tensor[0][1] * minor(0, 2) + tensor[0][2] * minor(0, 1)
 }
 
 /// An objective law in closed form for tests, in any units: Saint Venant-Kirchhoff's.

@@ -26,7 +26,7 @@ pub enum TangentKind {
     None = 0,
     /// PSTLO, the prestressed truss-like operator of [Argilaga2018] appendix B: all contacts stick.
     TrussLike = 1,
-    /// As `TrussLike`, but a contact that was at the Coulomb limit during this trial's own ramp slips
+    /// As `truss_like`, but a contact that was at the Coulomb limit during this trial's own ramp slips
     /// non-associatively and has no tangential stiffness. Not symmetric.
     TrussLikeSlip = 2,
     /// UKO made symmetric: uniform strain in all grains, [Argilaga2018] eq. 13. Erratum: the
@@ -35,11 +35,11 @@ pub enum TangentKind {
     Kruyt = 3,
     /// UKO as printed, [Argilaga2018] eq. 13.
     KruytPrinted = 4,
-    /// UCKO: `Kruyt` times one factor calibrated by a CTO in the first step, [Argilaga2018] eq. 16.
+    /// UCKO: `kruyt` times one factor calibrated by a CTO in the first step, [Argilaga2018] eq. 16.
     KruytCalibrated = 5,
     /// UCKO on the printed UKO.
     KruytCalibratedPrinted = 6,
-    /// UCKO-2DOF: `Kruyt` with one factor for `k_n` and one for `k_t`, [Argilaga2018] eq. 17.
+    /// UCKO-2DOF: `kruyt` with one factor for `k_n` and one for `k_t`, [Argilaga2018] eq. 17.
     KruytTwiceCalibrated = 7,
     /// UCKO-2DOF on the printed UKO.
     KruytTwiceCalibratedPrinted = 8,
@@ -47,19 +47,19 @@ pub enum TangentKind {
     KruytAugmented = 9,
     /// KAO as printed.
     KruytAugmentedPrinted = 10,
-    /// DEMQO: small probes from the end state without sliding, [Argilaga2018] eq. 20.
+    /// DEMQO: small perturbations from the end state without sliding, [Argilaga2018] eq. 20.
     QuasiStatic = 11,
-    /// CTO by one-sided probes of the whole step, [Argilaga2018] eq. 6.
+    /// CTO by one-sided perturbations of the whole step, [Argilaga2018] eq. 6.
     Consistent = 12,
-    /// CTO by central probes.
+    /// CTO by central perturbations.
     ConsistentCentral = 13,
     /// AEO: running average of the CTOs of the first committed steps, then frozen.
     ElasticAverage = 14,
-    /// As `TrussLike`, but contacts that slid in the ramp keep no tangential stiffness along their slip. Symmetric.
+    /// As `truss_like`, but contacts that slid in the ramp keep no tangential stiffness along their slip. Symmetric.
     TrussLikeReleased = 15,
-    /// As `TrussLikeReleased` with the sliding contacts of the relaxed state.
+    /// As `truss_like_released` with the sliding contacts of the relaxed state.
     TrussLikeReleasedAtRest = 16,
-    /// As `TrussLikeSlip` with the sliding contacts of the relaxed state.
+    /// As `truss_like_slip` with the sliding contacts of the relaxed state.
     TrussLikeSlipAtRest = 17,
 }
 

@@ -198,7 +198,9 @@ def _row(number: int, deformation: np.ndarray, result: TrialResult, cost: int) -
 
 
 def _table(rows: list[dict[str, float]], dimension: int, begin: int, counts: dict[str, int]) -> History:
-    lengths = [begin] * (begin > 0) + [len(rows) - 1 - begin]
+    # The rows on the way to the pressure, and those after it; a test may have stopped on the way.
+    before = min(begin, len(rows) - 1)
+    lengths = [before] * (before > 0) + [len(rows) - 1 - before]
     table = with_invariants(History(rows), dimension, begin, lengths)
     table.attrs["counts"] = dict(counts)
     return table

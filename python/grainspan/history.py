@@ -49,8 +49,17 @@ _FALLS_SHORT = {
 }
 
 
-def warn_of(counts: Mapping[str, int]) -> None:
-    """Warns of what a test fell short of."""
+#: The same of the packing that it began with.
+_OF_PACKING = {
+    "settled": "the packing was not at rest under this contact law and was brought to rest before the first increment",
+    "begins_with_motion": "the packing was not at rest under this contact law: the first increment begins with its motion",
+}
+
+
+def warn_of(counts: Mapping[str, int], of_packing: str | None = None) -> None:
+    """Warns of what a test fell short of; ``of_packing`` is a further warning about the packing."""
+    for words in [*(words for name, words in _OF_PACKING.items() if counts.get(name)), *filter(None, [of_packing])]:
+        warnings.warn(words, RuntimeWarning, stacklevel=2)
     found = [f"{counts[name]} {words}" for name, words in _FALLS_SHORT.items() if counts.get(name)]
     if found:
         warnings.warn(f"increments {', '.join(found)}; attrs['counts'] has all counts", RuntimeWarning, stacklevel=2)

@@ -48,9 +48,9 @@ class Run:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """Content of ``run.jsonl``."""
-        lines = (self.folder / "run.jsonl").read_text(encoding="utf-8").splitlines()
-        return [json.loads(line) for line in lines]
+        """Content of ``run.jsonl``. A line that a process could not finish, or is about to finish, is left out."""
+        lines = (self.folder / "run.jsonl").read_bytes().splitlines()
+        return [event for event in map(_event, lines) if event is not None]
 
     def fields(self, step: int = -1):
         """Fields of a recorded step, see :func:`grainspan.read_fields`."""
@@ -167,7 +167,7 @@ def _followed(command: list[str], folder: Path, on_step, bar) -> None:
                     continue
                 if bar is not None:
                     bar.set_postfix_str(f"step {event['step']}", refresh=False)
-                    bar.update(max(0.0, float(event["load"]) - bar.n))
+                    bar.update(max(0.0, float(event["share"]) - bar.n))
                 if on_step is not None:
                     on_step(event)
         except BaseException:
@@ -182,6 +182,15 @@ def _followed(command: list[str], folder: Path, on_step, bar) -> None:
             messages.seek(0)
             text = messages.read().strip()
             raise RunFailed(text or f"the run ended with exit code {code}", code, folder)
+
+
+def _event(line: bytes) -> dict[str, Any] | None:
+    """The event of a line of a log; ``None`` for a line that was cut short."""
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return None
+    return event if isinstance(event, dict) and "timestamp" in event else None
 
 
 def _events(child: subprocess.Popen, log: Path) -> Iterator[dict[str, Any]]:
@@ -200,7 +209,9 @@ def _events(child: subprocess.Popen, log: Path) -> Iterator[dict[str, Any]]:
             offset += len(new)
             *lines, rest = (rest + new).split(b"\n")
             for line in lines:
-                event = json.loads(line)
+                event = _event(line)
+                if event is None:
+                    continue
                 event["timestamp"] = event["timestamp"].replace("Z", "+00:00")
                 yield event
         if ended:

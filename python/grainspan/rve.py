@@ -206,13 +206,13 @@ class Rve:
             test = text.cell(
                 self._packing, self._contact, self._table, stress_tolerance=stress_tolerance, path=list(segments)
             )
-            csv, counts, stopped = _native.element_test(test, os.getcwd(), tangent)
+            csv, counts, of_packing, stopped = _native.element_test(test, os.getcwd(), tangent)
         lengths = [int(segment["increments"]) * int(segment.get("repeat", 1)) for segment in segments]
         rows = with_invariants(parse(csv), self.dimension, sum(lengths[:begin]), lengths)
         rows.attrs["counts"] = counts = dict(counts)
         if stopped is not None:
             raise ElementTestStopped(stopped, rows)
-        warn_of(counts)
+        warn_of(counts, of_packing)
         return rows
 
     def isotropic(self, pressure: float | Sequence[float], *, increments: int = 50, **options: Any) -> History:

@@ -116,30 +116,18 @@ impl Rve {
     }
 }
 
-/// Runs an element test (TOML) and returns its rows as CSV, its counts, and why it stopped before its end.
+/// Runs an element test (TOML) and returns its rows as CSV, its counts, a warning about the packing, and why it stopped before its end.
 #[pyfunction]
 pub(crate) fn element_test<'py>(
     py: Python<'py>,
     text: String,
     folder: PathBuf,
     tangent: &str,
-) -> PyResult<(Bound<'py, PyBytes>, Vec<(&'static str, u64)>, Option<String>)> {
+) -> PyResult<(Bound<'py, PyBytes>, Vec<(&'static str, u64)>, Option<String>, Option<String>)> {
     let tangent = tangent_kind(tangent)?;
     let outcome = interruptible(py, |keep_going| grain_pool::element_test(text, &folder, tangent, keep_going))?;
-    let summary = outcome.summary;
-    let counts = vec![
-        ("rows", summary.rows),
-        ("trials", summary.trials),
-        ("dem_steps", summary.dem_steps),
-        ("stress_jumps", summary.stress_jumps),
-        ("cut_increments", summary.cut_increments),
-        ("relaxed_increments", summary.relaxed_increments),
-        ("not_equilibrated", summary.not_equilibrated),
-        ("no_load", summary.no_load_bearing_contacts),
-        ("large_overlap", summary.large_overlap),
-        ("damping_changed", summary.damping_changed),
-        ("tangent_fallbacks", summary.tangent_fallbacks),
-        ("tangents_regularised", summary.tangent_regularised),
-    ];
-    Ok((PyBytes::new(py, &outcome.csv), counts, outcome.stopped.map(|error| error.to_string())))
+    let counts = outcome.summary.counts().to_vec();
+    let of_packing = outcome.summary.listed_forces.warning();
+    let stopped = outcome.stopped.map(|error| error.to_string());
+    Ok((PyBytes::new(py, &outcome.csv), counts, of_packing, stopped))
 }

@@ -203,3 +203,19 @@ def test_curves_are_drawn(rve):
     assert axes[0].get_lines()[0].get_xdata()[-1] == pytest.approx(0.1)
     assert rve.oedometer([1.2e5], increments=2).plot()[0].get_xlabel() == "axial stress, kPa"
     assert rows.plot(x="axial_compression", y="q") is not None
+
+
+def test_a_packing_that_is_not_at_rest_is_told():
+    """The packing was made with the modulus of `CONTACT`; half of it leaves the cell far from rest."""
+    cell = grainspan.Rve(DISCS, {**CONTACT, "modulus": 0.5 * CONTACT["modulus"]}, accuracy="draft")
+    with pytest.warns(RuntimeWarning, match="brought to rest before the first increment"):
+        rows = cell.path([{"increments": 1, "strain": {"yy": -1e-4}}])
+    assert rows.attrs["counts"]["settled"] == 1
+
+
+def test_a_test_that_stops_on_its_way_to_the_pressure_has_a_table(rve):
+    from grainspan import _servo
+
+    row = _servo._row(0, np.eye(2), _servo._trial(rve, np.zeros(2), 0), 0)
+    table = _servo._table([row], 2, 1, {"rows": 1})
+    assert len(table) == 1 and table.attrs["counts"] == {"rows": 1}

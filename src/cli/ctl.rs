@@ -3,7 +3,7 @@
 use crate::exit::{Exit, Failure};
 use crate::stdout::print;
 use crate::workers::run_that_writes_to;
-use page::{Action, Controls, NO_CHECKPOINTS, PAUSED, RunFolder};
+use page::{Action, Controls, NO_CHECKPOINTS, NOT_SAVED, PAUSED, RunFolder};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::thread::sleep;
@@ -85,6 +85,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             return Err(bad(page::PageError(reason)));
         }
         sleep(PAUSE);
+    }
+    if action != Action::Resume
+        && let Some(reason) = controls.text(NOT_SAVED)
+    {
+        let goes_on = match action {
+            Action::Pause => "it is paused",
+            Action::Stop => "it has ended, and the last checkpoint before is what `--resume` begins with",
+            Action::Checkpoint | Action::Resume => "it goes on",
+        };
+        let text = format!("the run in {place} could not save its state; {goes_on}: {}", reason.trim());
+        return Err(bad(page::PageError(format!("{text}\nhint: make room on the disk and ask again"))));
     }
     print(format!("{}: done\n", action.keyword()).as_bytes())?;
     Ok(Exit::Done)

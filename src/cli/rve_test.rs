@@ -117,7 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let interrupt = SignalWatch::flag("the present increment is the last")?;
     let mut done = 0;
     progress_line.set(format!("row 0 of {expected}"));
-    let ended = run_element_on(&test, packing, requests, &mut |row| {
+    let end = run_element_on(&test, packing, requests, &mut |row| {
         rows.add(row);
         rows.draw(row, arguments.contacts.as_deref());
         done += 1;
@@ -126,12 +126,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     drop(progress_line);
-    rows.finish(arguments.out.as_deref())?;
-    match ended {
-        Ok(summary) => {
-            if !arguments.quiet {
-                tell(closing(&summary));
-            }
+    // A test that could not begin has no table, and leaves an earlier one alone.
+    if end.summary.rows > 0 {
+        rows.finish(arguments.out.as_deref())?;
+        if !arguments.quiet {
+            tell(closing(&end.summary));
+        }
+    }
+    match end.result {
+        Ok(()) => {
             // Row 0 is the packing as given.
             if done <= expected && interrupt.is_raised() {
                 let text = format!("{}: interrupted after row {} of {expected}", path.display(), done - 1);

@@ -9,11 +9,10 @@ use crate::workers::SignalWatch;
 use macro_solver::pool::Interrupt;
 use protocol::TangentKind;
 use rve_server::definition::Packing;
-use rve_server::programs::rve_test::{ElementCsv, ElementTest, run_element_on};
+use rve_server::programs::rve_test::{ElementTest, element_table};
 use scene_reader::{Document, Kind, read_element_test};
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::Mutex;
@@ -317,26 +316,15 @@ fn read(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<(Docum
 /// It is not sound.
 fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str], interrupt: &Interrupt) -> Result<Ended, Failure> {
     let (document, test, packing) = read(common, sweeps, values)?;
-    let mut csv = Vec::new();
-    let bad = |error: csv::Error| Failure::new(Exit::BadInput, error);
-    let mut encoder = ElementCsv::new(&mut csv, common.tangent).map_err(bad)?.with_units(common.units);
-    let mut written = Ok(());
-    let mut is_stopped = false;
-    let ended = run_element_on(&test, packing, common.tangent, &mut |row| {
-        written = encoder.write(row);
-        is_stopped = interrupt.is_raised();
-        if written.is_err() || is_stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
-    drop(encoder);
-    written.map_err(bad)?;
-    match ended {
-        Ok(summary) => {
-            let stopped = is_stopped.then(|| format!("a stop was requested after its row {}", summary.rows - 1));
-            Ok(Ended { csv, fallbacks: summary.fallbacks(), stopped })
-        }
-        Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
-        Err(error) => Ok(Ended { csv, fallbacks: Vec::new(), stopped: Some(error.to_string()) }),
-    }
+    let table = element_table(&test, packing, common.tangent, common.units, &mut || !interrupt.is_raised())
+        .map_err(|error| Failure::new(Exit::BadInput, error))?;
+    let summary = table.end.summary;
+    let stopped = match table.end.result {
+        Ok(()) => table.is_interrupted.then(|| format!("a stop was requested after its row {}", summary.rows - 1)),
+        Err(error) if error.is_bad_input() => return Err(document.table_error(error).into()),
+        Err(error) => Some(error.to_string()),
+    };
+    Ok(Ended { csv: table.csv, fallbacks: summary.fallbacks(), stopped })
 }
 
 #[cfg(test)]

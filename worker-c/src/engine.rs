@@ -7,6 +7,7 @@ use protocol::{
     Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, snapshot,
 };
 use rve_server::definition::{EngineFeature, PackingFile, RveOptions};
+use rve_server::space::determinant;
 use serde_json::Value;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::time::Instant;
@@ -179,7 +180,7 @@ impl ForeignRve {
         if self.dimension == 2 && *target != Tensor2::from_plane(target.plane()) {
             return Err(RveError::Unsupported("deformation out of the plane".into()));
         }
-        let determinant = determinant(target);
+        let determinant = determinant(&deformation(target));
         if determinant <= 0.0 {
             return Err(RveError::TargetInverted { determinant });
         }
@@ -385,10 +386,9 @@ impl Parts {
     }
 }
 
-fn determinant(h: &Tensor2) -> f64 {
-    let f = |i: usize, j: usize| h.get(i, j) + f64::from(u8::from(i == j));
-    f(0, 0) * (f(1, 1) * f(2, 2) - f(1, 2) * f(2, 1)) - f(0, 1) * (f(1, 0) * f(2, 2) - f(1, 2) * f(2, 0))
-        + f(0, 2) * (f(1, 0) * f(2, 1) - f(1, 1) * f(2, 0))
+/// The deformation gradient of a displacement gradient.
+fn deformation(h: &Tensor2) -> [[f64; 3]; 3] {
+    std::array::from_fn(|i| std::array::from_fn(|j| h.get(i, j) + f64::from(u8::from(i == j))))
 }
 
 /// The words of a text that are separated by spaces; none of no text.

@@ -168,8 +168,9 @@ pub(super) fn run(test: &ElementTest, slot: &Slot, packing: &Packing, allowance:
         increments.push(increment);
         if work > budget || !is_finite { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let ended =
-        catch_unwind(AssertUnwindSafe(|| run_element_on(test, packing.clone(), TangentKind::None, &mut on_row)));
+    let ended = catch_unwind(AssertUnwindSafe(|| {
+        run_element_on(test, packing.clone(), TangentKind::None, &mut on_row).result
+    }));
     let planned: u64 =
         test.path.iter().map(|segment| u64::from(segment.increments) * u64::from(segment.repeat)).sum();
     let mut outcome = Outcome {
@@ -181,10 +182,10 @@ pub(super) fn run(test: &ElementTest, slot: &Slot, packing: &Packing, allowance:
     (outcome.class, outcome.reason) = match ended {
         Err(panic) => (Class::Panicked, said(panic.as_ref())),
         Ok(Err(error)) => ended_early(&error),
-        Ok(Ok(_)) if !is_finite => (Class::NotFinite, "an answer that is not finite".to_owned()),
-        Ok(Ok(_)) if outcome.not_at_rest() > 0 => (Class::NotAtRest, String::new()),
-        Ok(Ok(_)) if (outcome.answered() as u64) < planned => (Class::OverBudget, String::new()),
-        Ok(Ok(_)) => {
+        Ok(Ok(())) if !is_finite => (Class::NotFinite, "an answer that is not finite".to_owned()),
+        Ok(Ok(())) if outcome.not_at_rest() > 0 => (Class::NotAtRest, String::new()),
+        Ok(Ok(())) if (outcome.answered() as u64) < planned => (Class::OverBudget, String::new()),
+        Ok(Ok(())) => {
             let is_apart = outcome
                 .increments
                 .last()

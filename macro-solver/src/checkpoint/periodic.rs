@@ -87,13 +87,18 @@ impl<'a> PeriodicCheckpoints<'a> {
         }
     }
 
-    /// Writes the state after the last accepted step unless it is on the disk: for the end of a run that is not complete.
-    pub fn flush(&mut self) {
-        if let Some(archive) = self.pending.take() {
-            let begun = Instant::now();
-            self.write(&archive);
-            self.count_cost(begun);
+    /// Writes the state after the last accepted step unless it is on the disk: on request, and at the end of a run that is not complete.
+    /// A state that cannot be written is kept for the next time; then the reason is returned.
+    pub fn flush(&mut self) -> Result<(), String> {
+        let Some(archive) = self.pending.take() else { return Ok(()) };
+        let begun = Instant::now();
+        let is_written = self.write(&archive);
+        self.count_cost(begun);
+        if is_written {
+            return Ok(());
         }
+        self.pending = Some(archive);
+        Err(self.figures.last_failure.clone().unwrap_or_default())
     }
 
     /// What it cost.

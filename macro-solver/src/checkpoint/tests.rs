@@ -117,6 +117,13 @@ fn a_checkpoint_that_finds_no_room_leaves_the_last_one_and_the_run_alone() {
     assert!(store.figures().last_failure.as_ref().unwrap().contains("checkpoint.bin"));
     let StoredCheckpoint::Archive(found, _) = file.read().unwrap() else { panic!("it was there") };
     assert_eq!(text_of(&found), "good");
+    // The state is kept until there is room.
+    assert!(store.flush().unwrap_err().contains("checkpoint.bin"));
+    fs::remove_dir(folder.path().join(".checkpoint.partial")).unwrap();
+    store.flush().unwrap();
+    assert_eq!((store.figures().written, store.figures().failed), (1, 2));
+    let StoredCheckpoint::Archive(found, _) = file.read().unwrap() else { panic!("it was there") };
+    assert_eq!(found.get::<i32>("part", 3).unwrap(), 1);
 }
 
 #[test]
@@ -132,7 +139,7 @@ fn checkpoints_come_after_steps_or_time_and_at_the_end() {
                 store.figures().written
             })
             .collect();
-        store.flush();
+        store.flush().unwrap();
         (counts, store.figures().written)
     };
     let policy = CheckpointPolicy::default();

@@ -7,6 +7,15 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+/// What becomes of the files that an earlier process has left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EarlierFiles {
+    /// They are replaced at once: the run begins.
+    Replace,
+    /// They stay as they are until the state of the run is restored: a state that is refused costs no result.
+    Keep,
+}
+
 /// The file and the length of its complete lines.
 #[derive(Debug)]
 pub(super) struct AppendedFile {
@@ -16,13 +25,19 @@ pub(super) struct AppendedFile {
 }
 
 impl AppendedFile {
-    /// Creates the file with these lines, replacing an older one.
+    /// Creates the file with these lines, unless there is an earlier one that is to be kept.
     ///
     /// # Errors
     /// [`OutputError::Write`].
-    pub(super) fn create(path: &Path, lines: &[u8]) -> Result<Self, OutputError> {
-        let file = File::create(path).map_err(|source| OutputError::write(path, source))?;
-        let mut appended = Self { path: path.to_owned(), file, length: 0 };
+    pub(super) fn create(path: &Path, lines: &[u8], earlier: EarlierFiles) -> Result<Self, OutputError> {
+        let failed = |source| OutputError::write(path, source);
+        if earlier == EarlierFiles::Keep && path.exists() {
+            let file = appending(path)?;
+            let length = file.metadata().map_err(failed)?.len();
+            return Ok(Self { path: path.to_owned(), file, length });
+        }
+        File::create(path).map_err(failed)?;
+        let mut appended = Self { path: path.to_owned(), file: appending(path)?, length: 0 };
         appended.append(lines)?;
         Ok(appended)
     }
@@ -34,8 +49,7 @@ impl AppendedFile {
     /// [`OutputError::Write`].
     pub(super) fn rewrite(path: &Path, lines: &[u8]) -> Result<Self, OutputError> {
         write_atomically(path, lines)?;
-        let file = OpenOptions::new().append(true).open(path).map_err(|source| OutputError::write(path, source))?;
-        Ok(Self { path: path.to_owned(), file, length: lines.len() as u64 })
+        Ok(Self { path: path.to_owned(), file: appending(path)?, length: lines.len() as u64 })
     }
 
     /// Where it lies.
@@ -56,6 +70,11 @@ impl AppendedFile {
         self.length += lines.len() as u64;
         Ok(())
     }
+}
+
+/// Opens a file so that every write goes to its end, also after it has been cut back.
+fn appending(path: &Path) -> Result<File, OutputError> {
+    OpenOptions::new().append(true).open(path).map_err(|source| OutputError::write(path, source))
 }
 
 /// One record as a line of a CSV file.

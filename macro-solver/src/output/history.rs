@@ -5,7 +5,7 @@
 //! with a complete row, also when the disk is full.
 
 use super::OutputError;
-use super::appended::{AppendedFile, csv_line, number};
+use super::appended::{AppendedFile, EarlierFiles, csv_line, number};
 use super::units::headed;
 use crate::material::error_estimate::ErrorEstimate;
 use crate::observer::StepAccuracy;
@@ -73,12 +73,12 @@ pub struct HistoryWriter {
 }
 
 impl HistoryWriter {
-    /// Creates the file, replacing an older one, and writes the header.
+    /// Creates the file and writes the header, unless an earlier one is to be kept.
     ///
     /// # Errors
     /// [`OutputError::Write`].
-    pub fn create(path: &Path, layout: HistoryLayout) -> Result<Self, OutputError> {
-        Ok(Self { file: AppendedFile::create(path, &layout.header(path)?)?, layout })
+    pub fn create(path: &Path, layout: HistoryLayout, earlier: EarlierFiles) -> Result<Self, OutputError> {
+        Ok(Self { file: AppendedFile::create(path, &layout.header(path)?, earlier)?, layout })
     }
 
     /// Makes the file hold exactly these rows and goes on behind them.
@@ -160,7 +160,7 @@ mod tests {
             accuracy: true,
             ..HistoryLayout::default()
         };
-        let mut history = HistoryWriter::create(&path, layout).unwrap();
+        let mut history = HistoryWriter::create(&path, layout, EarlierFiles::Replace).unwrap();
         let values = vec![0.1 + 0.2, -1.234_567_890_123_456_7e-300];
         history
             .append(&HistoryRow {
@@ -209,7 +209,7 @@ mod tests {
     fn a_row_of_the_wrong_width_is_refused_and_leaves_the_file_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("history.csv");
-        let mut history = HistoryWriter::create(&path, HistoryLayout::default()).unwrap();
+        let mut history = HistoryWriter::create(&path, HistoryLayout::default(), EarlierFiles::Replace).unwrap();
         let before = std::fs::read(&path).unwrap();
         let row = HistoryRow {
             step: 1,
@@ -248,7 +248,7 @@ mod tests {
         };
         let layout = HistoryLayout { probes: vec!["one".to_owned()], ..HistoryLayout::default() };
         let (whole, broken) = (folder.path().join("whole.csv"), folder.path().join("broken.csv"));
-        let mut history = HistoryWriter::create(&whole, layout.clone()).unwrap();
+        let mut history = HistoryWriter::create(&whole, layout.clone(), EarlierFiles::Replace).unwrap();
         (0..4).for_each(|step| history.append(&row(step)).unwrap());
         std::fs::write(&broken, "step,time\n0,garbage\n1").unwrap();
         let rows: Vec<HistoryRow> = (0..2).map(row).collect();
@@ -260,7 +260,8 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_an_error() {
-        let error = HistoryWriter::create(Path::new("/dev/full"), HistoryLayout::default()).unwrap_err();
+        let error = HistoryWriter::create(Path::new("/dev/full"), HistoryLayout::default(), EarlierFiles::Replace)
+            .unwrap_err();
         assert!(error.to_string().contains("hint: free some space"), "{error}");
     }
 }

@@ -20,6 +20,7 @@ mod summary;
 mod table;
 mod units;
 
+pub use appended::EarlierFiles;
 pub use atomic::{is_draft, remove_drafts, write_atomically, write_without_flush};
 pub use chosen::ChosenField;
 pub use energy::EnergyLedger;

@@ -1,5 +1,6 @@
 //! The observer that fills a run's output folder while the solver goes.
 
+use super::appended::EarlierFiles;
 use super::frames::{write_frame, write_point_frame};
 use super::points::point_columns;
 use super::probe::LargestLevels;
@@ -115,14 +116,14 @@ impl Recorder {
     ///
     /// # Errors
     /// [`OutputError::Write`].
-    pub fn create(folder: &Path, plan: RecordPlan) -> Result<Self, OutputError> {
-        let history = HistoryWriter::create(&folder.join("history.csv"), plan.layout())?;
+    pub fn create(folder: &Path, plan: RecordPlan, earlier: EarlierFiles) -> Result<Self, OutputError> {
+        let history = HistoryWriter::create(&folder.join("history.csv"), plan.layout(), earlier)?;
         if plan.has_fields() {
             let fields = folder.join("fields");
             fs::create_dir_all(&fields).map_err(|source| OutputError::write(&fields, source))?;
         }
-        let tables = tables(folder, &plan)?;
-        let errors = error_table(folder, &plan)?;
+        let tables = tables(folder, &plan, earlier)?;
+        let errors = error_table(folder, &plan, earlier)?;
         Ok(Self {
             errors,
             folder: folder.to_owned(),
@@ -209,14 +210,15 @@ impl Recorder {
 }
 
 /// Creates the files of profiles and Gauss points.
-fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputError> {
+fn tables(folder: &Path, plan: &RecordPlan, earlier: EarlierFiles) -> Result<Vec<TableFile>, OutputError> {
     let mut tables = Vec::new();
     for profile in &plan.profiles {
         let path = folder.join(format!("profiles/{}.csv", profile.name));
         let unit = plan.units_in_headers.map(|dimension| profile.probe.unit(dimension));
         let units = unit.map(|unit| Units::from([("time", "s"), ("coordinate", "m"), ("value", unit)].map(own)));
         let headings = units.unwrap_or_default();
-        tables.push(TableFile::create(&path, &["time", "coordinate", "value"].map(|name| headed(name, &headings)))?);
+        let columns = ["time", "coordinate", "value"].map(|name| headed(name, &headings));
+        tables.push(TableFile::create(&path, &columns, earlier)?);
     }
     let columns: Vec<String> = point_columns(plan).into_iter().map(|column| column.name).collect();
     let chosen = own_columns(plan).map(|field| field.name.clone()).collect();
@@ -232,7 +234,7 @@ fn tables(folder: &Path, plan: &RecordPlan) -> Result<Vec<TableFile>, OutputErro
         None => columns,
     };
     for number in &plan.points {
-        tables.push(TableFile::create(&folder.join(format!("points/point-{number:04}.csv")), &columns)?);
+        tables.push(TableFile::create(&folder.join(format!("points/point-{number:04}.csv")), &columns, earlier)?);
     }
     Ok(tables)
 }
@@ -244,12 +246,12 @@ fn own_columns(plan: &RecordPlan) -> impl Iterator<Item = &ChosenField> {
 }
 
 /// Creates the table of the estimated errors of the probes, if there are any.
-fn error_table(folder: &Path, plan: &RecordPlan) -> Result<Option<TableFile>, OutputError> {
+fn error_table(folder: &Path, plan: &RecordPlan, earlier: EarlierFiles) -> Result<Option<TableFile>, OutputError> {
     let of_stresses = plan.probes.iter().filter(|probe| probe.quantity.has_error());
     let headings = plan.headings();
     let columns: Vec<String> = of_stresses.map(|probe| headed(&probe.name, &headings)).collect();
     let wanted = plan.accuracy && !columns.is_empty();
-    wanted.then(|| TableFile::create(&folder.join("probe_errors.csv"), &columns)).transpose()
+    wanted.then(|| TableFile::create(&folder.join("probe_errors.csv"), &columns, earlier)).transpose()
 }
 
 /// Estimated errors of the probes after a step, NaN where there is no estimate.

@@ -3,7 +3,7 @@
 //! Rows are kept, so that a run that is continued finds its files as they were.
 
 use super::OutputError;
-use super::appended::{AppendedFile, csv_line, number};
+use super::appended::{AppendedFile, EarlierFiles, csv_line, number};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
@@ -26,16 +26,16 @@ pub(super) struct TableFile {
 }
 
 impl TableFile {
-    /// Creates the file and its folder, and writes the header: `step` and the columns.
+    /// Creates the file and its folder, and writes the header, `step` and the columns, unless an earlier file is to be kept.
     ///
     /// # Errors
     /// [`OutputError::Write`].
-    pub(super) fn create(path: &Path, columns: &[String]) -> Result<Self, OutputError> {
+    pub(super) fn create(path: &Path, columns: &[String], earlier: EarlierFiles) -> Result<Self, OutputError> {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
         }
         let header: Vec<String> = std::iter::once("step".to_owned()).chain(columns.iter().cloned()).collect();
-        let file = AppendedFile::create(path, &csv_line(path, header.iter().cloned())?)?;
+        let file = AppendedFile::create(path, &csv_line(path, header.iter().cloned())?, earlier)?;
         Ok(Self { file, header, rows: Vec::new() })
     }
 
@@ -96,15 +96,20 @@ mod tests {
         let path = folder.path().join("points/point-0001.csv");
         let row = |step: u64| TableRow { step, values: vec![0.1 * step as f64] };
         let columns = ["time".to_owned()];
-        let mut table = TableFile::create(&path, &columns).unwrap();
+        let mut table = TableFile::create(&path, &columns, EarlierFiles::Replace).unwrap();
         table.append([row(0), row(1)]).unwrap();
         assert!(table.append([TableRow { step: 2, values: vec![] }]).is_err());
         let kept = table.rows().to_vec();
         let whole = fs::read(&path).unwrap();
         assert_eq!(String::from_utf8(whole.clone()).unwrap(), "step,time\n0,0e0\n1,1e-1\n");
         table.append([row(2)]).unwrap();
-        let mut table = TableFile::create(&path, &columns).unwrap();
+        // A run that is continued touches nothing before its state is there.
+        let longer = fs::read(&path).unwrap();
+        let mut table = TableFile::create(&path, &columns, EarlierFiles::Keep).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), longer);
         table.restore(kept).unwrap();
         assert_eq!(fs::read(&path).unwrap(), whole);
+        TableFile::create(&path, &columns, EarlierFiles::Replace).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"step,time\n");
     }
 }

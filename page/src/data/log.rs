@@ -16,16 +16,23 @@ pub(crate) fn log(folder: &RunFolder) -> Value {
     let mut steps: BTreeMap<u64, (Vec<Value>, u64)> = BTreeMap::new();
     let mut warnings: Vec<String> = Vec::new();
     let mut more_warnings = 0_u64;
+    let mut has_restarted = false;
     for entry in folder.complete_lines("run.jsonl").lines().filter_map(|line| serde_json::from_str(line).ok()) {
         let entry: Value = entry;
         let text = |key: &str| entry.get(key).and_then(Value::as_str);
         let step = entry.get("step").and_then(Value::as_u64);
+        has_restarted |= text("event") == Some("started");
+        if let (true, Some("iteration" | "cut_back"), Some(step)) = (has_restarted, text("event"), step) {
+            // A run that is continued solves the steps after its checkpoint again.
+            steps.retain(|known, _| *known < step);
+            has_restarted = false;
+        }
         match (text("event"), step) {
             (Some("iteration"), Some(step)) => {
                 let ratio = |key: &str| entry.get(key).and_then(Value::as_f64).map_or(Value::Null, short);
                 let rejected = entry.get("rejected").cloned().unwrap_or(Value::Bool(false));
                 let iteration = json!([ratio("force_ratio"), ratio("displacement_ratio"), rejected]);
-                // A step that is solved again, by a run that continues, replaces what was known of it.
+                // Another attempt at a step replaces the iterations of the one that failed.
                 let number = entry.get("iteration").and_then(Value::as_u64);
                 let known = steps.entry(step).or_default();
                 if number == Some(1) {
@@ -92,5 +99,35 @@ mod tests {
             r#"[{"cut_backs":1,"iterations":[[0.5,null,false],[0.0012346,0.1,true]],"step":1}]"#
         );
         assert_eq!(found["warnings"].to_string(), r#"["WARN: cut_back, reason = too large, step = 1"]"#);
+    }
+
+    #[test]
+    fn steps_that_a_continued_run_solves_again_count_once() {
+        let place = tempfile::tempdir().unwrap();
+        fs::write(place.path().join("scene.toml"), "").unwrap();
+        let started = r#"{"level":"INFO","event":"started"}"#.to_owned();
+        let cut = |step: u64| format!(r#"{{"level":"WARN","event":"cut_back","step":{step}}}"#);
+        let iteration = |step: u64| format!(r#"{{"event":"iteration","step":{step},"iteration":1}}"#);
+        let lines = [
+            started.clone(),
+            cut(1),
+            cut(2),
+            iteration(2),
+            iteration(3),
+            // Killed, and continued after step 1.
+            started,
+            iteration(2),
+            cut(2),
+            iteration(2),
+        ];
+        fs::write(place.path().join("run.jsonl"), lines.join("\n") + "\n").unwrap();
+        let found = log(&RunFolder::open(place.path()).unwrap());
+        let counts: Vec<Vec<u64>> = found["steps"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|step| ["step", "cut_backs"].map(|key| step[key].as_u64().unwrap()).to_vec())
+            .collect();
+        assert_eq!(counts, [[1, 1], [2, 1]]);
     }
 }

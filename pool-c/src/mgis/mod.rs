@@ -26,8 +26,8 @@ const FAILED: c_int = -1;
 const MESSAGE: usize = 512;
 /// Share of the step that the host is asked to try after a refusal.
 const SMALLER: f64 = 0.5;
-/// What MGIS adds to the kind of operator when it wants the speed of sound too.
-const WITH_SPEED: f64 = 100.0;
+/// Kinds of operator above this one ask for the speed of sound too: MGIS adds 100 to the kind.
+const WITH_SPEED: f64 = 50.0;
 
 /// State at the begin or at the end of a step, as MGIS lays it out.
 #[repr(C)]
@@ -96,14 +96,23 @@ impl Behaviour {
 }
 
 /// What the host wants besides the stress: the tangent operator, and whether the step is integrated.
-fn wanted(kind: f64, usual: TangentKind) -> (TangentKind, bool) {
-    let kind = if kind > WITH_SPEED / 2.0 { kind - WITH_SPEED } else { kind };
+///
+/// # Errors
+/// The speed of sound is wanted. A packing has another one in every direction, and its tangent is not symmetric; a host that chose its
+/// time step by one number would take what nobody has measured.
+fn wanted(kind: f64, usual: TangentKind) -> Result<(TangentKind, bool), Failure> {
+    if kind > WITH_SPEED {
+        return Err(Failure::input(format!(
+            "K[0] = {kind} asks for the speed of sound, which cells do not give; call without it, and take it from the tangent operator and \
+             the density"
+        )));
+    }
     let tangent = match kind.abs() {
         size if size < 0.5 => TangentKind::None,
         size if size < 2.5 => TangentKind::TrussLike,
         _ => usual,
     };
-    (tangent, kind > -0.5)
+    Ok((tangent, kind > -0.5))
 }
 
 fn known() -> &'static Mutex<States<State>> {
@@ -129,7 +138,7 @@ unsafe fn integrate(view: &View, behaviour: Behaviour) -> Result<(), Failure> {
         )
     };
     let material = crate::material::material()?;
-    let (tangent, is_integrated) = wanted(operator[0], material.tangent());
+    let (tangent, is_integrated) = wanted(operator[0], material.tangent())?;
     let (measure, kind) = behaviour.measures(operator)?;
     let [before, after] = gradients.map(|one| behaviour.places.tensor(behaviour.gradient(), one));
     let (before, after, step) = match (behaviour.is_finite, is_integrated) {
@@ -250,4 +259,33 @@ entries! {
     finite_plane_strain: "GrainCellFiniteStrain_PlaneStrain", true, true, false;
     finite_axisymmetrical: "GrainCellFiniteStrain_Axisymmetrical", true, false, false;
     finite_tridimensional: "GrainCellFiniteStrain_Tridimensional", true, false, true;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_of_operator_are_those_of_mgis() {
+        let usual = TangentKind::TrussLikeSlip;
+        let cases = [
+            (0.0, TangentKind::None, true),
+            (1.0, TangentKind::TrussLike, true),
+            (4.0, usual, true),
+            (-1.0, TangentKind::TrussLike, false),
+            (-3.0, usual, false),
+        ];
+        for (kind, tangent, is_integrated) in cases {
+            assert_eq!(wanted(kind, usual).unwrap(), (tangent, is_integrated), "{kind}");
+        }
+    }
+
+    /// It was left as it stood, and the step counted as done.
+    #[test]
+    fn the_speed_of_sound_is_refused() {
+        for kind in [97.0, 100.0, 104.0] {
+            let error = wanted(kind, TangentKind::TrussLikeSlip).unwrap_err().text;
+            assert!(error.contains("speed of sound"), "{error}");
+        }
+    }
 }

@@ -65,9 +65,11 @@ struct Made {
 }
 
 /// A point of the pool: its grains are those of the committed state.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Held<P> {
     point: P,
+    /// The states that were made from the committed one.
+    further: Vec<u64>,
     /// The state that the point's trial leads to. None where there is no trial, or the trial may be any other: the pool is asked for one
     /// between [`States::enter`] and [`States::made`], and it is not known how that ends.
     tried: Option<u64>,
@@ -80,6 +82,8 @@ pub(super) struct States<P> {
     origin: Option<P>,
     /// Points by the number of their committed state.
     held: BTreeMap<u64, Held<P>>,
+    /// States that may be begun from, by their number. Those made from the cell as packed stay: their origin belongs to all points, so
+    /// that nobody can tell which of them another point has yet to begin from.
     made: BTreeMap<u64, Made>,
     last: u64,
 }
@@ -123,22 +127,29 @@ impl<P: Copy> States<P> {
             cells.repeat(point, made.target, made.options)?;
         }
         cells.commit(point)?;
-        // What else began from the same state cannot be reached any more. Other points may begin from the cell as packed.
-        if made.from != AS_PACKED {
-            self.held.remove(&made.from);
-            self.made.retain(|_, other| other.from != made.from);
+        // What else began from the same state cannot be reached any more.
+        if let Some(origin) = self.held.remove(&made.from) {
+            for other in &origin.further {
+                self.made.remove(other);
+            }
         }
-        self.held.insert(number, Held { point, tried: None });
+        self.held.insert(number, Held { point, further: Vec::new(), tried: None });
         Ok(point)
     }
 
     /// The number of the state that this trial leads to.
     pub(super) fn made(&mut self, from: u64, target: Tensor2, options: TrialOptions) -> u64 {
         self.last += 1;
-        self.made.insert(self.last, Made { from, target, options });
-        if let Some(held) = self.held.get_mut(&from) {
-            held.tried = Some(self.last);
+        match self.held.get_mut(&from) {
+            Some(held) => {
+                held.tried = Some(self.last);
+                held.further.push(self.last);
+            }
+            None if from == AS_PACKED => {}
+            // Another thread has gone on from the same state meanwhile.
+            None => return self.last,
         }
+        self.made.insert(self.last, Made { from, target, options });
         self.last
     }
 }
@@ -230,6 +241,28 @@ mod tests {
         assert!(cells.call(&mut states, first, 3.0, true).is_err());
         let third = cells.call(&mut states, second, 0.125, true).unwrap();
         assert_eq!(cells.strain(&mut states, third), 0.875);
+    }
+
+    /// Iterations of all points but of their first steps are forgotten with the states that they began from.
+    #[test]
+    fn what_cannot_be_reached_any_more_is_forgotten() {
+        let (cells, mut states) = (Sums::default(), States::new());
+        let first: Vec<u64> = (0..3).map(|_| cells.call(&mut states, AS_PACKED, 0.25, true).unwrap()).collect();
+        let mut present = first.clone();
+        for _ in 0..4 {
+            for state in &mut present {
+                let from = *state;
+                for _ in 0..5 {
+                    *state = cells.call(&mut states, from, 0.01, true).unwrap();
+                }
+            }
+        }
+        // Of each point: the state of its first step, and the iterations of the present one.
+        assert_eq!((states.held.len(), states.made.len()), (3, 3 + 3 * 5));
+        // A trial whose origin another thread has left meanwhile.
+        let late = states.made(first[0], Tensor2::ZERO, TrialOptions::default());
+        assert!(states.enter(late, &cells).is_err());
+        assert_eq!(states.made.len(), 3 + 3 * 5);
     }
 
     /// The first step of a point is solved once more, later ones are not.

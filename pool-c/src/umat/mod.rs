@@ -1,12 +1,13 @@
 //! A user material with the conventions of Abaqus/Standard: `umat_`.
 //!
-//! Every pair of element and integration point (NOEL, NPT) is a state of one pool. The host tries a point as often as it likes within an
+//! Every [`place`] that a host names (NOEL, NPT, LAYER, KSPT) is a state of one pool. The host tries a point as often as it likes within an
 //! increment; [`history`] tells iterations, restarts of an increment and the next increment apart by TIME(2) and DTIME. Stress and
 //! tangent are converted in [`voigt`].
 //!
 //! The pool opens at the first call, with what the environment says ([`crate::material`]).
 
 mod history;
+mod place;
 mod voigt;
 
 use crate::ffi_boundary::{Failure, slice, slice_mut};
@@ -15,6 +16,7 @@ use crate::material::{Material, Strains};
 use crate::measures::End;
 use grain_pool::State;
 use history::{Call, Points};
+use place::Place;
 use protocol::{Tensor2, Tensor4, TrialResult};
 use std::ffi::{c_char, c_int};
 use std::io::Write;
@@ -26,13 +28,13 @@ use voigt::Voigt;
 const SMALLER: f64 = 0.5;
 
 /// The points of the host.
-fn known() -> &'static Mutex<Points> {
-    static KNOWN: Mutex<Points> = Mutex::new(Points::new());
+fn known() -> &'static Mutex<Points<State>> {
+    static KNOWN: Mutex<Points<State>> = Mutex::new(Points::new());
     &KNOWN
 }
 
 /// The entry that Abaqus/Standard calls for every integration point and iteration. Arguments as in its manual. Used are STRESS, STATEV,
-/// DDSDDE, DSTRAN (small strains), TIME, DTIME, NDI, NSHR, NTENS, NSTATV, PNEWDT, DFGRD0, DFGRD1, NOEL and NPT.
+/// DDSDDE, DSTRAN (small strains), TIME, DTIME, CMNAME, NDI, NSHR, NTENS, NSTATV, PNEWDT, DFGRD0, DFGRD1, NOEL, NPT, LAYER and KSPT.
 ///
 /// STATEV receives void ratio, coordination number, unbalanced force ratio, largest overlap and volume ratio, as many as there are. A
 /// refusal sets PNEWDT to 0.5 and leaves the rest; other failures are printed and do the same, so that the host ends in good order.
@@ -60,7 +62,7 @@ pub unsafe extern "C" fn umat_(
     _dtemp: *const f64,
     _predef: *const f64,
     _dpred: *const f64,
-    _cmname: *const c_char,
+    cmname: *const c_char,
     ndi: *const c_int,
     nshr: *const c_int,
     _ntens: *const c_int,
@@ -75,8 +77,8 @@ pub unsafe extern "C" fn umat_(
     dfgrd1: *const f64,
     noel: *const c_int,
     npt: *const c_int,
-    _layer: *const c_int,
-    _kspt: *const c_int,
+    layer: *const c_int,
+    kspt: *const c_int,
     _kstep: *const c_int,
     _kinc: *const c_int,
 ) {
@@ -86,7 +88,10 @@ pub unsafe extern "C" fn umat_(
             let number = |pointer, name| Ok::<_, Failure>(slice::<c_int>(pointer, 1, name)?[0]);
             let value = |pointer, name| Ok::<_, Failure>(slice::<f64>(pointer, 1, name)?[0]);
             let call = Call {
-                point: (number(noel, "NOEL")?, number(npt, "NPT")?),
+                place: Place::new(
+                    slice(cmname, 1, "CMNAME").ok().map(|name| name[0]),
+                    [number(noel, "NOEL")?, number(npt, "NPT")?, number(layer, "LAYER")?, number(kspt, "KSPT")?],
+                ),
                 begin: slice(time, 2, "TIME")?[1],
                 duration: value(dtime, "DTIME")?,
                 before: voigt::gradient(slice(dfgrd0, 9, "DFGRD0")?),

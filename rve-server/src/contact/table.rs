@@ -85,7 +85,8 @@ pub struct ContactTable {
     /// Coulomb coefficient mu.
     #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
     pub friction: f64,
-    /// Cohesive overlap C of f_n = -k_n (h - C).
+    /// Overlap C at zero force: `f_n = -k_n (delta - C)` with the overlap `delta`; with `hertz_mindlin` the attraction is the elastic
+    /// force at the overlap C.
     #[serde(default)]
     #[schemars(extend("x-unit" = "m"), range(min = 0.0))]
     pub cohesion: f64,

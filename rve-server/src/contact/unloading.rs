@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TangentialUnloading {
-    /// The force shrinks with the tangential stiffness: no cycle gains energy.
+    /// The force shrinks with the tangential stiffness, as `mindlin_rescale/force` of LAMMPS: no cycle gains energy.
     // As a spring of that stiffness and constant stretch would.
     #[default]
     Rescaled,
-    /// The purely incremental law, as other programs have it; cycles can gain energy.
+    /// The purely incremental law, as `mindlin/force` of LAMMPS and Yade's law of Mindlin; cycles can gain energy.
     // Erratum of [Liu2015] eqs. 53 and 54: slipping at a large overlap and back at a small one gains energy. Kept for comparisons.
     Incremental,
 }

@@ -59,7 +59,7 @@ fn lateral_stress_kept(
     let mut reached = 0.0;
     // Controlled stresses go from those of the packing as given, which are not quite the pressure, straight to the target.
     let mut start = [0.0; 2];
-    let ended = run_element_on(&test, packing.clone(), RowRequests::from(TangentKind::None), &mut |row| {
+    let end = run_element_on(&test, packing.clone(), RowRequests::from(TangentKind::None), &mut |row| {
         let dimension = packing.dimension() as usize;
         let mean = -(0..dimension).map(|axis| row.stress[axis][axis]).sum::<f64>() / dimension as f64;
         let share = if row.stress_control == StressControl::Jump { 0.05 } else { 1e-3 };
@@ -81,7 +81,8 @@ fn lateral_stress_kept(
         controls.push(row.stress_control);
         ControlFlow::Continue(())
     });
-    let summary = ended.unwrap_or_else(|error| panic!("{what}: {error}"));
+    let summary = end.summary;
+    end.result.unwrap_or_else(|error| panic!("{what}: {error}"));
     let count = |wanted: StressControl| controls.iter().filter(|control| **control == wanted).count() as u64;
     assert_eq!((controls.len(), controls[0]), (increments as usize + 1, StressControl::None));
     assert!(summary.relaxed_increments >= count(StressControl::Relaxed));

@@ -92,6 +92,12 @@ pub(super) fn probes(context: &ProbeContext<'_>) -> Result<Vec<Probe>, InputErro
             let problem = "a probe cannot be named '': its column in the history would have no name";
             return Err(document.error_at(table.get_ref().name.span(), problem).hint("choose a name"));
         }
+        if name.contains(" [") {
+            let problem =
+                format!("a probe cannot be named '{name}': in headers ` [` begins a unit, as in `top_force [N/m]`");
+            let hint = "leave out the bracket, or the space before it";
+            return Err(document.error_at(table.get_ref().name.span(), problem).hint(hint));
+        }
         if TAKEN.contains(&name.as_str()) || probes.iter().any(|probe| probe.name == *name) {
             let problem = format!("a probe cannot be named '{name}': the history already has that column");
             return Err(document.error_at(table.get_ref().name.span(), problem).hint("choose another name"));

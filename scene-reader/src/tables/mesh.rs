@@ -18,7 +18,7 @@ pub(crate) struct MeshTable {
     /// Lengths of the sections that the generator has. Required unless `file` is given.
     #[schemars(extend("x-unit" = "m"))]
     pub(crate) size: Option<Located<Vec<f64>>>,
-    /// Number of cells of each section; triangles and tetrahedra share a cell. Required unless `file` is given.
+    /// Number of elements of each section; triangles and tetrahedra subdivide them. Required unless `file` is given.
     pub(crate) elements: Option<Located<Vec<usize>>>,
     /// For each section the length of its last cell over that of its first.
     #[schemars(extend("x-unit" = "-", "x-default" = "1 for each section"))]

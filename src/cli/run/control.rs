@@ -4,7 +4,7 @@
 use super::cells::CellWriter;
 use macro_solver::checkpoint::{Archive, CheckpointStore, PeriodicCheckpoints, Progress};
 use macro_solver::pool::Interrupt;
-use page::{Action, Controls, NO_CHECKPOINTS, PAUSED, PageError};
+use page::{Action, Controls, NO_CHECKPOINTS, NOT_SAVED, PAUSED, PageError};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -34,6 +34,14 @@ impl<'a> ControlledRun<'a> {
         Self { checkpoints, cells, controls, interrupt }
     }
 
+    /// Saves the state after the last accepted step. Whoever asked for it learns of a failure from a file.
+    pub(super) fn save(&mut self) -> Result<(), PageError> {
+        match self.checkpoints.flush() {
+            Ok(()) => self.controls.done(NOT_SAVED),
+            Err(reason) => self.controls.put_text(NOT_SAVED, &reason),
+        }
+    }
+
     /// Carries out everything that has been requested; returns when the run may go on. A request whose file cannot be removed is carried out
     /// all the same, and the first such error returned at the end.
     fn carry_out(&mut self, step: u64) -> Result<(), PageError> {
@@ -44,7 +52,7 @@ impl<'a> ControlledRun<'a> {
                 told = told.and(self.controls.cell_done(point));
             }
             if self.controls.asks(Action::Checkpoint) {
-                self.checkpoints.flush();
+                told = told.and(self.save());
                 told = told.and(self.controls.done(Action::Checkpoint.keyword()));
                 tracing::info!(event = "checkpoint_requested", step);
             }
@@ -59,7 +67,7 @@ impl<'a> ControlledRun<'a> {
             }
             if !is_paused {
                 is_paused = true;
-                self.checkpoints.flush();
+                told = told.and(self.save());
                 tracing::info!(event = "paused", step);
                 told = told.and(self.controls.put(PAUSED));
             }

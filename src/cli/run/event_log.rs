@@ -5,7 +5,8 @@ use macro_solver::observer::{
 };
 use macro_solver::output::OutputError;
 use macro_solver::problem::{Problem, Stage};
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Mutex;
 use tracing::level_filters::LevelFilter;
@@ -19,8 +20,9 @@ use tracing_subscriber::util::SubscriberInitExt;
 /// # Errors
 /// The file cannot be made.
 pub(super) fn open(path: &Path) -> Result<(), OutputError> {
-    let file = OpenOptions::new().create(true).append(true).open(path);
-    let file = file.map_err(|source| OutputError::write(path, source))?;
+    let failed = |source| OutputError::write(path, source);
+    let mut file = OpenOptions::new().create(true).append(true).read(true).open(path).map_err(failed)?;
+    end_last_line(&mut file).map_err(failed)?;
     let targets = Targets::new().with_default(LevelFilter::DEBUG).with_target("iceoryx2", LevelFilter::WARN);
     let layer = tracing_subscriber::fmt::layer()
         .json()
@@ -32,6 +34,17 @@ pub(super) fn open(path: &Path) -> Result<(), OutputError> {
     // A second run in one process would keep the first log; the binary starts one run.
     let _ = tracing_subscriber::registry().with(layer).try_init();
     Ok(())
+}
+
+/// Ends a line that a process before this one could not finish, so that it costs no other event.
+fn end_last_line(file: &mut File) -> std::io::Result<()> {
+    if file.seek(SeekFrom::End(0))? == 0 {
+        return Ok(());
+    }
+    file.seek(SeekFrom::End(-1))?;
+    let mut last = [0];
+    file.read_exact(&mut last)?;
+    if last == *b"\n" { Ok(()) } else { file.write_all(b"\n") }
 }
 
 /// Writes the events of the solver into the log.
@@ -82,6 +95,7 @@ impl Observer for EventLog {
             stage = report.stage,
             time = report.time,
             load = report.load,
+            share = report.share,
             iterations = report.iterations,
             evaluations = report.evaluations,
             skipped = report.skipped,
@@ -166,4 +180,21 @@ impl Observer for EventLog {
 /// Equilibrium criterion of the grains in the accepted result of the worst point.
 fn largest_unbalanced(fields: &FieldsView<'_>) -> f64 {
     fields.points.iter().map(|point| point.scalars.unbalanced_force_ratio).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_was_cut_is_ended_before_the_log_goes_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.jsonl");
+        for (before, after) in [("", ""), ("{}\n", "{}\n"), ("{}\n{\"ev", "{}\n{\"ev\n")] {
+            std::fs::write(&path, before).unwrap();
+            let mut file = OpenOptions::new().append(true).read(true).open(&path).unwrap();
+            end_last_line(&mut file).unwrap();
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), after);
+        }
+    }
 }

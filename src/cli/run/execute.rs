@@ -21,7 +21,9 @@ use macro_solver::checkpoint::{Archive, CheckpointFigures, CheckpointFile, Perio
 use macro_solver::material::difference::{DifferenceCounts, DifferenceTangents};
 use macro_solver::material::error_estimate::{ErrorEstimator, ReplicaFigures, SamplePlan};
 use macro_solver::observer::{Observer, Outcome, Run};
-use macro_solver::output::{EnergyLedger, OutputError, RecordPlan, Recorder, Summary, write_atomically};
+use macro_solver::output::{
+    EarlierFiles, EnergyLedger, OutputError, RecordPlan, Recorder, Summary, write_atomically,
+};
 use macro_solver::pool::{Interrupt, Pool};
 use macro_solver::problem::Procedure;
 use macro_solver::solve::solve_with_checkpoints;
@@ -152,7 +154,8 @@ fn solve<P: MacroPort>(
     context: RunContext<'_>,
 ) -> Result<Solved, Failure> {
     let record = RecordPlan { accuracy: !context.replicas.is_empty(), ..scene.record.clone() };
-    let mut recorder = Recorder::create(folder.path(), record)?;
+    let earlier = if context.continued.is_some() { EarlierFiles::Keep } else { EarlierFiles::Replace };
+    let mut recorder = Recorder::create(folder.path(), record, earlier)?;
     let solved_here: Vec<usize> =
         (0..scene.problem.point_count()).filter(|&point| context.assignment.is_built_in(point)).collect();
     let (mut material, snapshots) = SnapshotRecorder::new(pool, &solved_here);
@@ -188,8 +191,10 @@ fn solve<P: MacroPort>(
     let run = solve_with_checkpoints(&scene.problem, &mut estimator, &mut observers, &mut controlled);
     let replicas = estimator.figures();
     let differences = material.counts();
-    if !matches!(run.outcome, Outcome::Completed) {
-        controlled.checkpoints.flush();
+    if !matches!(run.outcome, Outcome::Completed)
+        && let Err(error) = controlled.save()
+    {
+        tracing::warn!(%error, "whoever asked for the end of the run is not told that its state could not be saved");
     }
     if scene.cells {
         controlled.cells.write_all();

@@ -128,16 +128,12 @@ fn sample(study: &Study, place: Place, measures: &[RowMeasure], keep_going: &(dy
             .iter()
             .map(|entry| {
                 let mut rows = Collector::new(measures, entry.strain);
-                let ended = run_element_on(&entry.test, packing.clone(), TangentKind::None, &mut |row| {
+                let end = run_element_on(&entry.test, packing.clone(), TangentKind::None, &mut |row| {
                     rows.add(row);
                     if keep_going() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
                 });
-                let (fallbacks, stopped) = match ended {
-                    Ok(summary) => (summary.fallbacks(), None),
-                    Err(error) => (Vec::new(), Some(error.to_string())),
-                };
-                let path = rows.finish(study.smoothing, stopped);
-                Path { fallbacks, ..path }
+                let path = rows.finish(study.smoothing, end.result.err().map(|error| error.to_string()));
+                Path { fallbacks: end.summary.fallbacks(), ..path }
             })
             .collect()),
     };

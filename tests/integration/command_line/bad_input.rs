@@ -351,6 +351,7 @@ fn values_out_of_range_are_named_by_their_key() {
         ("loading.duration=-1", "duration"),
         ("output.grains=[32]", "no Gauss point 32"),
         ("probe.0.name=load", "cannot be named 'load'"),
+        ("probe.0.name='q [top]'", "cannot be named 'q [top]'"),
         ("probe.0.component=z", "'z' is not a component"),
         ("probe.1.set=top", "has no meaning for a probe of kind \"stress_ratio\""),
         ("solver.tangent=none", "solver.tangent = \"none\" is unknown"),

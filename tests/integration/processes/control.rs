@@ -82,6 +82,26 @@ fn a_stopped_run_continues_to_the_same_bytes() {
 }
 
 #[test]
+fn a_state_that_cannot_be_saved_is_told_to_whoever_asked_for_it() {
+    let site = Site::new();
+    let mut run = start(&site, "full", &[]);
+    run.await_rows(&site.path("full/history.csv"), 2);
+    // A folder in the way of the draft: the disk takes no checkpoint.
+    let in_the_way = site.path("full/.checkpoint.partial");
+    fs::create_dir(&in_the_way).unwrap();
+    let (code, _, said) = ctl(&site, "full", &["checkpoint", "--wait"]);
+    assert_eq!(code, Some(2));
+    assert!(said.contains("could not save its state; it goes on") && said.contains("checkpoint.bin"), "{said}");
+    let (code, _, said) = ctl(&site, "full", &["pause", "--wait"]);
+    assert!(code == Some(2) && said.contains("it is paused"), "{said}");
+    fs::remove_dir(&in_the_way).unwrap();
+    assert_eq!(ctl(&site, "full", &["checkpoint", "--wait"]).0, Some(0));
+    assert!(site.path("full/checkpoint.bin").exists());
+    assert_eq!(ctl(&site, "full", &["stop", "--wait"]).0, Some(0));
+    assert_eq!(run.end().status.code(), Some(130));
+}
+
+#[test]
 fn a_paused_run_hears_signals_and_a_dead_one_takes_no_requests() {
     let site = Site::new();
     let mut run = start(&site, "one", &[]);

@@ -29,9 +29,11 @@ impl Profile {
         let mut members: Vec<Vec<(usize, &PointFields)>> = vec![Vec::new(); self.bins];
         let thickness = (self.to - self.from) / self.bins as f64;
         for (number, point) in self.probe.part.of(view.points) {
-            let place = ((point.initial_position[self.axis] - self.from) / thickness).floor();
-            if place >= 0.0 && place < self.bins as f64 {
-                members[place as usize].push((number, point));
+            let coordinate = point.initial_position[self.axis];
+            if (self.from..=self.to).contains(&coordinate) {
+                // The end belongs to the last bin.
+                let bin = ((coordinate - self.from) / thickness).floor() as usize;
+                members[bin.min(self.bins - 1)].push((number, point));
             }
         }
         let origin = references.origin(self.probe.reference);
@@ -67,6 +69,11 @@ mod tests {
             assert_eq!(values, [[0.25; 2], [0.75; 2], [1.25; 2], [1.75; 2]]);
             let fine = Profile { bins: 16, ..profile.clone() };
             assert_eq!(fine.values(view, &References::default()).len(), 8, "every other bin is empty");
+            // Points on both ends belong to the profile.
+            let tight = Profile { from: 0.125, to: 1.875, bins: 1, ..profile.clone() };
+            assert_eq!(tight.values(view, &References::default()), [[1.0; 2]]);
+            let last = Profile { from: 1.5, to: 1.875, bins: 1, ..profile.clone() };
+            assert_eq!(last.values(view, &References::default())[0][1], 0.5 * (1.625 + 1.875));
         });
     }
 }

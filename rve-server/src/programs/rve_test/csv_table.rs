@@ -2,9 +2,13 @@
 
 use super::path::flat;
 use super::row::ElementRow;
-use super::test_file::{COMPONENT_KEYS, is_in_plane};
+use super::run::run_element_on;
+use super::summary::ElementEnd;
+use super::test_file::{COMPONENT_KEYS, ElementTest, is_in_plane};
+use crate::definition::Packing;
 use protocol::TangentKind;
 use std::io::Write;
+use std::ops::ControlFlow;
 
 const SCALARS: [&str; 8] = [
     "void_ratio",
@@ -16,6 +20,43 @@ const SCALARS: [&str; 8] = [
     "max_overlap_ratio",
     "dem_steps",
 ];
+
+/// A whole test as a table.
+#[derive(Debug)]
+pub struct ElementTable {
+    /// Its rows as CSV, those of [`ElementCsv`].
+    pub csv: Vec<u8>,
+    /// How it ended.
+    pub end: ElementEnd,
+    /// Whether `keep_going` has ended it.
+    pub is_interrupted: bool,
+}
+
+/// Runs `test` on a packing in memory, see [`run_element_on`], and returns its table. `keep_going` is called after every row; `false`
+/// ends the test.
+///
+/// # Errors
+/// A row that cannot be encoded.
+pub fn element_table(
+    test: &ElementTest,
+    packing: Packing,
+    tangent: TangentKind,
+    has_units: bool,
+    keep_going: &mut dyn FnMut() -> bool,
+) -> csv::Result<ElementTable> {
+    let mut csv = Vec::new();
+    let mut encoder = ElementCsv::new(&mut csv, tangent)?.with_units(has_units);
+    let mut written = Ok(());
+    let mut is_interrupted = false;
+    let end = run_element_on(test, packing, tangent, &mut |row| {
+        written = encoder.write(row);
+        is_interrupted = !keep_going();
+        if written.is_err() || is_interrupted { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    drop(encoder);
+    written?;
+    Ok(ElementTable { csv, end, is_interrupted })
+}
 
 /// Writes the header and then one line per row, each as soon as it is given.
 pub struct ElementCsv<W: Write> {

@@ -23,11 +23,11 @@ mod work;
 #[cfg(test)]
 mod tests;
 
-pub use csv_table::ElementCsv;
+pub use csv_table::{ElementCsv, ElementTable, element_table};
 pub use error::ElementError;
 pub use requests::RowRequests;
 pub use row::ElementRow;
 pub use run::{run_element, run_element_on};
 pub use stress_control::StressControl;
-pub use summary::ElementSummary;
+pub use summary::{ElementEnd, ElementSummary};
 pub use test_file::{Components, ElementTest, Segment};

@@ -7,7 +7,7 @@ use super::row::ElementRow;
 use super::step::{LEAST_SHARE, raised_level};
 use super::stress_control::StressControl;
 use super::stress_relaxation::{LARGEST_JUMP, MOST_RELAXED, Relaxation, STEPS_BEFORE_NEAREST, is_out_of_range};
-use super::summary::ElementSummary;
+use super::summary::{ElementEnd, ElementSummary};
 use super::test_file::{Components, ElementTest, Segment};
 use super::work::PathWork;
 use crate::cell::GrainState;
@@ -39,19 +39,19 @@ const KEYS: [&str; 4] = ["xx", "xy", "yx", "yy"];
 const IN_SPACE: [usize; 4] = [0, 1, 3, 4];
 
 /// Runs an element test on the frame that is cut out of `packing`; every row is given to `on_row`, which may end the test after it.
-///
-/// # Errors
-/// See [`ElementError`]; rows delivered before stay valid.
 pub(super) fn run_frame_element(
     test: &ElementTest,
     options: &FrameOptions,
     packing: PackingFile,
     requests: RowRequests,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
-) -> Result<ElementSummary, ElementError> {
+) -> ElementEnd {
     let definition = FrameDefinition { packing, contact: test.contact.clone(), frame: options.clone() };
-    let mut cell = FrameRve::new(&definition).map_err(ElementError::Definition)?;
-    test.check_dimension(2)?;
+    let frame = FrameRve::new(&definition).map_err(ElementError::Definition);
+    let mut cell = match frame.and_then(|frame| test.check_dimension(2).map(|()| frame)) {
+        Ok(cell) => cell,
+        Err(error) => return error.into(),
+    };
     let first = cell.observe(Observables::ALL);
     let mut run = Run {
         stress: flat(&first.stress.plane()),
@@ -67,17 +67,12 @@ pub(super) fn run_frame_element(
         reference: None,
         on_row,
     };
-    if run.deliver(&first, StressControl::None, Spent::default()).is_break() {
-        return Ok(run.summary);
-    }
-    for segment in &test.path {
-        for _ in 0..segment.repeat {
-            if run.follow(segment)?.is_break() {
-                return Ok(run.summary);
-            }
-        }
-    }
-    Ok(run.summary)
+    let result = if run.deliver(&first, StressControl::None, Spent::default()).is_break() {
+        Ok(())
+    } else {
+        run.follow_path(&test.path)
+    };
+    ElementEnd { summary: run.summary, result }
 }
 
 /// Components under stress control, in the order of [`KEYS`], their targets, Pa, and the elastic response of these stresses to these
@@ -119,6 +114,15 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
+    fn follow_path(&mut self, path: &[Segment]) -> Result<(), ElementError> {
+        for segment in path.iter().flat_map(|segment| (0..segment.repeat).map(move |_| segment)) {
+            if self.follow(segment)?.is_break() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
     fn follow(&mut self, segment: &Segment) -> Result<ControlFlow<()>, ElementError> {
         let start = self.deformation;
         self.stress_level = raised_level(self.stress_level, &self.stress);

@@ -8,7 +8,7 @@ use super::requests::RowRequests;
 use super::row::ElementRow;
 use super::step::{Step, raised_level};
 use super::stress_control::StressControl;
-use super::summary::ElementSummary;
+use super::summary::{ElementEnd, ElementSummary};
 use super::test_file::{ElementTest, Segment};
 use super::work::PathWork;
 use crate::cell::{ContactNetwork, GrainState};
@@ -43,23 +43,21 @@ pub fn run_element(
     on_row: &mut dyn FnMut(&ElementRow),
 ) -> Result<ElementSummary, ElementError> {
     let packing = Packing::read(&base_dir.join(&test.packing))?;
-    run_element_on(test, packing, requests, &mut |row| {
+    let end = run_element_on(test, packing, requests, &mut |row| {
         on_row(row);
         ControlFlow::Continue(())
-    })
+    });
+    end.result.map(|()| end.summary)
 }
 
 /// Runs `test` on a packing in memory, which has been checked; `test.packing` is not read. `on_row` may end the test after
 /// any row.
-///
-/// # Errors
-/// As [`run_element`].
 pub fn run_element_on(
     test: &ElementTest,
     packing: Packing,
     requests: impl Into<RowRequests>,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
-) -> Result<ElementSummary, ElementError> {
+) -> ElementEnd {
     run_requested(test, packing, requests.into(), on_row)
 }
 
@@ -69,11 +67,10 @@ fn run_requested(
     packing: Packing,
     requests: RowRequests,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
-) -> Result<ElementSummary, ElementError> {
+) -> ElementEnd {
+    let refused = |reason: &str| ElementEnd::from(ElementError::Test(reason.to_owned()));
     if test.frame.is_some() && requests.tangent != TangentKind::None {
-        return Err(ElementError::Test(
-            "frame: the table of a frame has no tangent; leave out --tangent, or the table".into(),
-        ));
+        return refused("frame: the table of a frame has no tangent; leave out --tangent, or the table");
     }
     match packing {
         Packing::Discs(packing) => match &test.frame {
@@ -81,7 +78,7 @@ fn run_requested(
             None => run_in_space(test, packing, requests, on_row),
         },
         Packing::Spheres(_) if test.frame.is_some() => {
-            Err(ElementError::Test("frame: boundary-particle frames are for plane packings; remove the table".into()))
+            refused("frame: boundary-particle frames are for plane packings; remove the table")
         }
         Packing::Spheres(packing) => run_in_space(test, packing, requests, on_row),
     }
@@ -92,14 +89,29 @@ fn run_in_space<S: SolverFor>(
     packing: PackingFile<S>,
     requests: RowRequests,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
-) -> Result<ElementSummary, ElementError> {
+) -> ElementEnd {
+    match new_run(test, packing, requests) {
+        Ok(mut run) => {
+            let result = run.follow_path(test, on_row);
+            ElementEnd { summary: run.summary, result }
+        }
+        Err(error) => error.into(),
+    }
+}
+
+/// The cell in the state of the packing, before its first row.
+fn new_run<S: SolverFor>(
+    test: &ElementTest,
+    packing: PackingFile<S>,
+    requests: RowRequests,
+) -> Result<Run<S>, ElementError> {
     test.check_dimension(S::DIMENSION)?;
     let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
     let mut cell = GrainRve::new(&definition).map_err(ElementError::Definition)?;
     cell.solve_operators_to(Closeness::RESULT);
     cell.count_energies();
     let summary = ElementSummary { listed_forces: cell.listed_forces(), ..ElementSummary::default() };
-    let mut run = Run {
+    Ok(Run {
         cell,
         stress_tolerance: test.stress_tolerance,
         tangent: requests.tangent,
@@ -118,33 +130,7 @@ fn run_in_space<S: SolverFor>(
         sound: None,
         spent: Spent::default(),
         spent_settling: 0,
-    };
-    if run.begin(on_row).map_err(ElementError::Definition)?.is_break() {
-        return Ok(run.summary);
-    }
-    // Where stresses are controlled, the search for them takes the grains to rest.
-    let strains_only = |segment: &Segment| segment.stress.values().iter().all(Option::is_none);
-    if run.is_far_from_rest {
-        if test.path.first().is_some_and(strains_only) {
-            run.settle()?;
-        } else {
-            run.summary.begins_with_motion = 1;
-        }
-    }
-    // The stress of a packing that is far from rest is none that the cell has borne.
-    let mut has_borne = run.summary.begins_with_motion == 0;
-    for segment in &test.path {
-        run.last_change = None;
-        for _ in 0..segment.repeat {
-            if std::mem::replace(&mut has_borne, true) {
-                run.stress_level = raised_level(run.stress_level, &flat(&run.stress));
-            }
-            if run.follow(segment, on_row)?.is_break() {
-                return Ok(run.summary);
-            }
-        }
-    }
-    Ok(run.summary)
+    })
 }
 
 /// A test on its way.
@@ -182,6 +168,40 @@ pub(super) struct Run<S: SolverFor> {
 }
 
 impl<S: SolverFor> Run<S> {
+    /// Row 0 and all segments.
+    fn follow_path(
+        &mut self,
+        test: &ElementTest,
+        on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+    ) -> Result<(), ElementError> {
+        if self.begin(on_row).map_err(ElementError::Definition)?.is_break() {
+            return Ok(());
+        }
+        // Where stresses are controlled, the search for them takes the grains to rest.
+        let strains_only = |segment: &Segment| segment.stress.values().iter().all(Option::is_none);
+        if self.is_far_from_rest {
+            if test.path.first().is_some_and(strains_only) {
+                self.settle()?;
+            } else {
+                self.summary.begins_with_motion = 1;
+            }
+        }
+        // The stress of a packing that is far from rest is none that the cell has borne.
+        let mut has_borne = self.summary.begins_with_motion == 0;
+        for segment in &test.path {
+            self.last_change = None;
+            for _ in 0..segment.repeat {
+                if std::mem::replace(&mut has_borne, true) {
+                    self.stress_level = raised_level(self.stress_level, &flat(&self.stress));
+                }
+                if self.follow(segment, on_row)?.is_break() {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>) -> Result<ControlFlow<()>, RveError> {
         let answer = self.cell.observe(Observables::ALL)?;
         let network = self.cell.committed_network()?;

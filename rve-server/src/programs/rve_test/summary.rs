@@ -1,5 +1,6 @@
-//! Cost of an RVE test, and counts of rows with fallbacks.
+//! Cost of an element test, counts of rows with fallbacks, and how it ended.
 
+use super::error::ElementError;
 use super::row::ElementRow;
 use super::stress_control::StressControl;
 use crate::engine::ListedForces;
@@ -58,12 +59,34 @@ impl ElementSummary {
         }
     }
 
-    /// Counts a row that was delivered, for tests that stop before their end: all that the row says.
-    pub fn add(&mut self, row: &ElementRow) {
+    /// Counts a row by all that it says.
+    pub(super) fn add(&mut self, row: &ElementRow) {
         self.note(row);
         self.stress_jumps += u64::from(row.stress_control == StressControl::Jump);
         self.cut_increments += u64::from(row.stress_control == StressControl::Cut);
         self.relaxed_increments += u64::from(row.stress_control == StressControl::Relaxed);
+    }
+
+    /// All counts by the names that scripts know them by.
+    pub fn counts(&self) -> [(&'static str, u64); 16] {
+        [
+            ("rows", self.rows),
+            ("trials", self.trials),
+            ("dem_steps", self.dem_steps),
+            ("operator_steps", self.operator_steps),
+            ("stress_jumps", self.stress_jumps),
+            ("cut_increments", self.cut_increments),
+            ("relaxed_increments", self.relaxed_increments),
+            ("not_equilibrated", self.not_equilibrated),
+            ("no_load", self.no_load_bearing_contacts),
+            ("large_overlap", self.large_overlap),
+            ("damping_changed", self.damping_changed),
+            ("tangent_fallbacks", self.tangent_fallbacks),
+            ("tangents_regularised", self.tangent_regularised),
+            ("settled", self.settled),
+            ("begins_with_motion", self.begins_with_motion),
+            ("listed_forces_changed", self.listed_forces.changed() as u64),
+        ]
     }
 
     /// What rows fell short of or took a shortcut by, in words, with the number of rows; those without any are left out.
@@ -88,5 +111,21 @@ impl ElementSummary {
             ("operator with constrained mechanisms", self.tangent_regularised),
         ];
         all.into_iter().filter(|(_, rows)| *rows > 0).collect()
+    }
+}
+
+/// How an element test has ended.
+#[derive(Debug)]
+pub struct ElementEnd {
+    /// Cost and counts of all rows that were delivered, however the test has ended.
+    pub summary: ElementSummary,
+    /// Why it was refused or stopped, see [`ElementError`]; rows delivered before stay valid; `Ok` also where `on_row` has ended it.
+    pub result: Result<(), ElementError>,
+}
+
+impl From<ElementError> for ElementEnd {
+    /// A test without any row.
+    fn from(error: ElementError) -> Self {
+        Self { summary: ElementSummary::default(), result: Err(error) }
     }
 }
