@@ -7,6 +7,7 @@ mod engines;
 pub mod exit;
 mod folder_lock;
 pub mod machine;
+mod side_by_side;
 pub mod stderr;
 pub mod stdout;
 mod workers;

@@ -164,6 +164,7 @@ impl Conditions {
         for name in names {
             if !self.0.iter().any(|acting| acting.name == *name.get_ref()) {
                 let mut known: Vec<&str> = self.0.iter().map(|acting| acting.name.as_str()).collect();
+                known.sort_unstable();
                 known.dedup();
                 return Err(document
                     .error_at(name.span(), format!("no condition '{}' acts that could be removed", name.get_ref()))

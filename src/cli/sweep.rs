@@ -3,6 +3,7 @@
 //! The rows come in the order of the values whatever ends first, so the table has the same bytes for any number of jobs.
 
 use crate::exit::{Exit, Failure};
+use crate::side_by_side::{cores, side_by_side};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
 use crate::workers::SignalWatch;
@@ -15,8 +16,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 use std::path::Path;
 use std::str::FromStr;
-use std::sync::Mutex;
-use std::sync::PoisonError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most tests of one sweep.
@@ -137,30 +136,16 @@ fn run_side_by_side(
     combinations: &[Vec<&str>],
     interrupt: &Interrupt,
 ) -> Vec<Option<Result<Ended, Failure>>> {
-    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    let jobs = common.jobs.unwrap_or_else(cores).get().min(combinations.len());
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let results: Mutex<Vec<Option<Result<Ended, Failure>>>> = Mutex::new(combinations.iter().map(|_| None).collect());
-    std::thread::scope(|scope| {
-        for _ in 0..jobs {
-            scope.spawn(|| {
-                loop {
-                    let place = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(values) = combinations.get(place) else { return };
-                    let ended = one(common, sweeps, values, interrupt);
-                    results.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(ended);
-                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    if !common.quiet {
-                        tell(format_args!("{done} of {}: {}", combinations.len(), described(sweeps, values)));
-                    }
-                    if interrupt.is_raised() {
-                        next.store(combinations.len(), Ordering::Relaxed);
-                    }
-                }
-            });
+    let order: Vec<usize> = (0..combinations.len()).collect();
+    let done = AtomicUsize::new(0);
+    side_by_side(&order, common.jobs.unwrap_or_else(cores), &|| !interrupt.is_raised(), &|place| {
+        let ended = one(common, sweeps, &combinations[place], interrupt);
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        if !common.quiet {
+            tell(format_args!("{done} of {}: {}", combinations.len(), described(sweeps, &combinations[place])));
         }
-    });
-    results.into_inner().unwrap_or_else(PoisonError::into_inner)
+        ended
+    })
 }
 
 /// What all tests of a sweep have left.

@@ -5,6 +5,7 @@ use super::curve::{Collector, Path, value};
 use super::statistics::{PowerFit, Statistics};
 use crate::cli::pack::{SoftGrains, soft_grains};
 use crate::exit::Failure;
+use crate::side_by_side::side_by_side;
 use protocol::TangentKind;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingRecipe, generate_any};
@@ -13,7 +14,6 @@ use scene_reader::{Ensemble, RowMeasure, Study};
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 /// One packing of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,25 +82,16 @@ pub(super) fn run<'a>(
     // Large packings first: none of them is left alone at the end.
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by_key(|place| std::cmp::Reverse(places[*place].grains));
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let samples: Mutex<Vec<Option<Sample>>> = Mutex::new(places.iter().map(|_| None).collect());
-    std::thread::scope(|scope| {
-        for _ in 0..jobs.get().min(places.len()) {
-            scope.spawn(|| {
-                while let Some(&number) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let sample = sample(study, places[number], &measures, keep_going);
-                    if keep_going() {
-                        on_sample(done.fetch_add(1, Ordering::Relaxed) + 1, &sample);
-                    }
-                    samples.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some(sample);
-                }
-            });
+    let done = AtomicUsize::new(0);
+    // What is not begun after a stop counts as interrupted.
+    let made = side_by_side(&order, jobs, &|| true, &|number| {
+        let sample = sample(study, places[number], &measures, keep_going);
+        if keep_going() {
+            on_sample(done.fetch_add(1, Ordering::Relaxed) + 1, &sample);
         }
+        sample
     });
-    let samples = samples.into_inner().unwrap_or_else(PoisonError::into_inner);
-    // A thread that ended early has left its sample out, and the scope has passed its panic on before.
-    let samples = samples.into_iter().flatten().collect();
-    Results { study, measures, samples }
+    Results { study, measures, samples: made.into_iter().flatten().collect() }
 }
 
 /// The distinct measures of the quantities, in the order of the declaration.

@@ -13,6 +13,7 @@ use super::comparison::{comparison_csv, comparison_text};
 use crate::exit::{Exit, Failure};
 use crate::folder_lock::lock_folder;
 use crate::machine::Machine;
+use crate::side_by_side::cores;
 use crate::stderr::tell;
 use crate::stdout::print;
 use crate::workers::SignalWatch;
@@ -76,7 +77,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let out = arguments.out.clone().unwrap_or_else(|| default_folder(&study.name, arguments.size.as_deref()));
     std::fs::create_dir_all(&out).map_err(|source| OutputError::write(&out, source))?;
     let _lock = lock_folder(&out, "--out", "study", "wait for its end, or name another folder")?;
-    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let total = ensemble::places(&study).len();
     let interrupt = SignalWatch::flag("packings that have ended are written")?;
     let keep_going = || !interrupt.is_raised();

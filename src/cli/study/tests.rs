@@ -100,9 +100,10 @@ fn failed_samples_are_counted_and_named() {
 
 #[test]
 fn narrow_cells_are_told_with_the_name_of_their_sample() {
-    let text = TEXT.replace("seeds = 2\ngrains = [12, 16]", "seeds = 1\ngrains = [4, 16]");
-    let study = study(&text.replace("grains = 12", "grains = 16"));
+    let text = TEXT.replace("seeds = 2\ngrains = [12, 16]", "seeds = 1\ngrains = [10, 40]");
+    let steep = "\"tolerance=1e-3\", \"grading.smallest_radius=1e-4\", \"grading.largest_radius=1e-3\"";
+    let study = study(&text.replace("grains = 12", "grains = 40").replace("\"tolerance=1e-3\"", steep));
     let remarks = made(&study, 1).remarks();
     assert_eq!(remarks.len(), 1, "{remarks:?}");
-    assert!(remarks[0].starts_with("dense, 4 grains, seed 1: the cell is 1."), "{remarks:?}");
+    assert!(remarks[0].starts_with("dense, 10 grains, seed 1: the cell is 1."), "{remarks:?}");
 }

@@ -46,9 +46,9 @@ pub struct ElementRow {
     pub dem_steps: u64,
     /// Contact fabric `1/C sum n x n`.
     pub fabric: [[f64; 3]; 3],
-    /// Anisotropies of contacts and contact forces; of periodic cells, not of frames.
+    /// Anisotropies of contacts and contact forces.
     pub force_anisotropy: Option<ForceAnisotropy>,
-    /// Grains and contacts, if they were requested; of periodic cells, not of frames.
+    /// Grains and contacts, if they were requested.
     pub picture: Option<CellPicture>,
     /// Displacement fluctuation of each grain of the picture, m, since the increment that was requested; of none before that.
     pub fluctuations: Option<Vec<[f64; 3]>>,

@@ -7,7 +7,7 @@ use crate::cli::reproduce::results::Finished;
 pub(super) const FIGURE: Figure = Figure {
     name: "geotechnics-wall",
     source: "Rankine; Guo and Zhao (2016)",
-    shows: "pressure on a smooth wall that gives way and that is pushed in, over the surcharge",
+    shows: "pressure on a smooth wall that moves away from the ground and into it, over the surcharge",
     run_time: ("1 min", "5 h"),
     entries: &[("L-1", "pressure over surcharge")],
     runs,
