@@ -8,7 +8,7 @@
 mod states;
 mod symbols;
 
-use crate::ffi_boundary::{Failure, slice, slice_mut};
+use crate::ffi_boundary::{Failure, REFUSED, slice, slice_mut};
 use crate::functions::scalars_of;
 use crate::measures::{self, Components, End, Kind, Operator, Stress, UNIT};
 use grain_pool::State;
@@ -213,25 +213,24 @@ unsafe fn answer(view: *mut View, behaviour: Behaviour) -> c_int {
     let Some(view) = (unsafe { view.as_ref() }) else { return FAILED };
     // SAFETY: as promised by the caller.
     let answered = catch_unwind(AssertUnwindSafe(|| unsafe { integrate(view, behaviour) }));
-    let text = match answered {
+    let (text, is_refusal) = match answered {
         Ok(Ok(())) => return DONE,
-        Ok(Err(failure)) => failure.text,
-        Err(_) => "a defect of this library".to_owned(),
+        Ok(Err(failure)) => (failure.text, failure.code == REFUSED),
+        Err(_) => ("a defect of this library".to_owned(), false),
     };
+    let has_room = !view.message.is_null();
+    // Hosts such as OpenGeoSys keep the text to themselves. What a smaller step does not cure is for people.
+    if !(has_room && is_refusal) {
+        let _ = writeln!(std::io::stderr(), "grainspan behaviour: {text}");
+    }
     // SAFETY: as promised by the caller.
     unsafe {
         if let Some(factor) = slice_mut(view.time_factor, 1) {
             factor[0] = factor[0].min(SMALLER);
         }
-        match slice_mut(view.message, MESSAGE) {
-            Some(room) => {
-                let bytes = text.bytes().filter(|&byte| byte != 0).take(MESSAGE - 1).chain(std::iter::once(0));
-                room.iter_mut().zip(bytes).for_each(|(place, byte)| *place = byte as c_char);
-            }
-            None => {
-                // The host has no other place for a text.
-                let _ = writeln!(std::io::stderr(), "grainspan behaviour: {text}");
-            }
+        if let Some(room) = slice_mut(view.message, MESSAGE) {
+            let bytes = text.bytes().filter(|&byte| byte != 0).take(MESSAGE - 1).chain(std::iter::once(0));
+            room.iter_mut().zip(bytes).for_each(|(place, byte)| *place = byte as c_char);
         }
     }
     FAILED
