@@ -196,6 +196,7 @@ impl Scene {
             pool,
             remarks,
         };
+        scene.check_preparation()?;
         Ok(scene)
     }
 

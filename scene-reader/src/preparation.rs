@@ -8,7 +8,7 @@ use macro_solver::problem::{InitialPreparation, InitialStress};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use rve_server::definition::PackingError;
-use rve_server::preparation::PreparedCell;
+use rve_server::preparation::{PreparedCell, StressTarget};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -49,6 +49,18 @@ impl Scene {
             ],
             in_smaller_steps: 0,
         })
+    }
+
+    /// Refuses stresses that no grains bear before any are moved.
+    ///
+    /// # Errors
+    /// The first of them, with its place and remedy.
+    pub(crate) fn check_preparation(&self) -> Result<(), InputError> {
+        let dimension = |cell: &PlannedCell| self.materials.definitions[cell.definition].dimension() as usize;
+        for cell in &self.planned_cells() {
+            StressTarget::of_tensor(&cell.stress, dimension(cell)).map_err(|error| self.refusal(cell, &error))?;
+        }
+        Ok(())
     }
 
     /// Brings the cells to the stress of their points if the scene asks for it, on all cores; the result does not depend on their number.

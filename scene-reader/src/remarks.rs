@@ -26,6 +26,7 @@ pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
         remarks.extend(averages_of_nothing(problem, stage));
         remarks.extend(turns_between_steps(problem, stage));
         remarks.extend(absorbing_sides_that_are_held(problem, stage));
+        remarks.extend(supports_that_move_far(problem, stage));
     }
     let mut told = Vec::new();
     for remark in remarks {
@@ -123,6 +124,30 @@ fn averages_of_nothing(problem: &Problem, stage: &Stage) -> Option<String> {
             "{of_stage}nonlocal.radius = {:e} m is below the distance of neighbouring Gauss points: nothing is averaged; take a larger radius or a \
              finer mesh",
             settings.radius
+        )
+    })
+}
+
+/// Prescribed displacements larger than the body: most likely another unit, and otherwise no element survives them.
+fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
+    let nodes = &problem.mesh.nodes;
+    let extent = |axis: usize| {
+        let along = nodes.iter().map(|node| node[axis]);
+        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+    };
+    let dimension = problem.mesh.dimension.count();
+    let size = (0..dimension).map(extent).fold(0.0, f64::max);
+    let prescribed = problem.prescribed_displacements(stage).ok()?;
+    let apart = |axis: usize| {
+        let values = prescribed.iter().skip(axis).step_by(dimension).flatten().map(|given| given.value);
+        // What is carried along as a whole may go anywhere.
+        values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
+    };
+    let apart = (0..dimension).map(apart).fold(0.0, f64::max);
+    (apart >= size).then(|| {
+        let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
+        format!(
+            "{of_stage}supports move by {apart:e} m against each other, and the body is {size:e} m large: are the displacements in m?"
         )
     })
 }
@@ -265,6 +290,12 @@ mod tests {
         assert_eq!(remarks(&[formulation, "nonlocal.radius=0.03"]), Vec::<String>::new());
         let small = remarks(&[formulation, "nonlocal.radius=0.01"]);
         assert!(small.len() == 1 && small[0].contains("nothing is averaged"), "{small:?}");
+    }
+
+    #[test]
+    fn supports_that_move_farther_than_the_body_is_large_are_told() {
+        let far = remarks(&["boundary.2.displacement.y=-0.2"]);
+        assert!(far.len() == 1 && far[0].starts_with("supports move by 2e-1 m"), "{far:?}");
     }
 
     /// Dampers there did nothing but change the account of the energy.

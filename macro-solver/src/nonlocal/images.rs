@@ -18,8 +18,13 @@ struct Period {
 }
 
 /// Zero and all combinations of the periods and their multiples that may lie within `radius` (m) of the points at `positions`, each once.
-/// A period that is a combination of others, as that of two opposite corners, adds nothing.
-pub(super) fn images(periods: &[[f64; 3]], positions: &[[f64; 3]], radius: f64) -> Vec<[f64; 3]> {
+/// A period that is a combination of others, as that of two opposite corners, adds nothing. `None` if there may be more than `most`.
+pub(super) fn images(
+    periods: &[[f64; 3]],
+    positions: &[[f64; 3]],
+    radius: f64,
+    most: usize,
+) -> Option<Vec<[f64; 3]>> {
     let shifts: Vec<Vector3<f64>> =
         periods.iter().map(|&period| period.into()).filter(|shift| lasts(shift, radius)).collect();
     let longest = shifts.iter().map(Vector3::norm).fold(0.0, f64::max);
@@ -29,10 +34,14 @@ pub(super) fn images(periods: &[[f64; 3]], positions: &[[f64; 3]], radius: f64) 
         .collect();
     let others: Vec<Period> =
         dependent.into_iter().map(|shift| period(shift, shift.normalize(), positions, radius)).collect();
+    let times = |period: &Period| (period.reach / period.shift.dot(&period.normal)).floor();
+    let count: f64 = faces.iter().chain(&others).map(|period| 2.0 * times(period) + 1.0).product();
+    if count > most as f64 {
+        return None;
+    }
     let mut images = vec![Vector3::zeros()];
     for period in faces.iter().chain(&others) {
-        let most = (period.reach / period.shift.dot(&period.normal)).floor() as i64;
-        for image in multiples(&images, period, most) {
+        for image in multiples(&images, period, times(period) as i64) {
             let is_near = faces.iter().all(|face| image.dot(&face.normal).abs() <= face.reach);
             let is_new = images.iter().all(|known| (known - image).norm() > RESOLUTION * longest);
             if is_near && is_new {
@@ -40,7 +49,7 @@ pub(super) fn images(periods: &[[f64; 3]], positions: &[[f64; 3]], radius: f64) 
             }
         }
     }
-    images.into_iter().map(Into::into).collect()
+    Some(images.into_iter().map(Into::into).collect())
 }
 
 fn lasts(shift: &Vector3<f64>, radius: f64) -> bool {

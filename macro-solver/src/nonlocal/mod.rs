@@ -73,6 +73,16 @@ pub enum NonlocalError {
         /// What it must be.
         must: &'static str,
     },
+    /// The radius reaches so many Gauss points that their table takes the memory and time of the machine: most likely a wrong unit.
+    #[error(
+        "nonlocal.radius = {radius:e} m reaches more than {most} neighbours of a Gauss point or images of a periodic body; lengths are in m, and a          radius of some elements is usual"
+    )]
+    TooWide {
+        /// Radius, m.
+        radius: f64,
+        /// Most neighbours and images.
+        most: usize,
+    },
     /// A wave of the mesh would be averaged to its opposite and grow.
     #[error(
         "the {kernel} kernel with radius {radius} m is unstable on this mesh: around Gauss point {point} a wave of the mesh is \
@@ -92,6 +102,10 @@ pub enum NonlocalError {
         remedy_share: f64,
     },
 }
+
+/// Most neighbours of a Gauss point, on the regular grid of its neighbourhood too, and most images of a periodic body. A radius of 158
+/// distances of points in the plane and of 23 in space has as many.
+const MOST_NEIGHBOURS: usize = 100_000;
 
 /// A table of weights over Gauss points.
 #[derive(Clone, Debug, PartialEq)]
@@ -135,7 +149,9 @@ impl NonlocalOperator {
         settings: &NonlocalSettings,
     ) -> Result<Self, NonlocalError> {
         settings.validate()?;
-        let places: Vec<[f64; 3]> = images(periods, positions, settings.radius)
+        let too_wide = || NonlocalError::TooWide { radius: settings.radius, most: MOST_NEIGHBOURS };
+        let places: Vec<[f64; 3]> = images(periods, positions, settings.radius, MOST_NEIGHBOURS)
+            .ok_or_else(too_wide)?
             .iter()
             .flat_map(|shift| positions.iter().map(move |position| moved(position, 1.0, shift)))
             .collect();
@@ -149,6 +165,9 @@ impl NonlocalOperator {
         };
         for (number, position) in positions.iter().enumerate() {
             operator.add_point(number, position, positions.len(), &bins);
+            if operator.neighbours.len() - operator.starts[number] > MOST_NEIGHBOURS {
+                return Err(too_wide());
+            }
         }
         Ok(operator)
     }

@@ -5,7 +5,7 @@
 //! without bound in an explicit scheme and makes an implicit one indefinite. On a real mesh the factor is taken, point by
 //! point, on the regular grid that has the distances of the point to its nearest neighbours along each axis.
 
-use super::{NonlocalError, NonlocalOperator};
+use super::{MOST_NEIGHBOURS, NonlocalError, NonlocalOperator};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -23,6 +23,10 @@ impl NonlocalOperator {
     pub(super) fn check_stability(&self) -> Result<(), NonlocalError> {
         if self.settings.adjoint || self.is_identity() || self.is_empty() {
             return Ok(());
+        }
+        let has_room = |point: usize| reach(&self.spacing(point)).iter().product::<f64>() <= MOST_NEIGHBOURS as f64;
+        if !(0..self.len()).all(has_room) {
+            return Err(NonlocalError::TooWide { radius: self.settings.radius, most: MOST_NEIGHBOURS });
         }
         let (point, symbol) = self.smallest_symbol();
         if symbol >= ROUNDING {
@@ -108,4 +112,9 @@ impl NonlocalOperator {
         let share = self.settings.local_share;
         (1.0 - share) * least + share
     }
+}
+
+/// Points of a regular grid with these distances, in units of the radius, within a radius to both sides along each axis.
+fn reach(spacing: &[f64; 3]) -> [f64; 3] {
+    spacing.map(|distance| if distance.is_finite() { 2.0 * (1.0 / distance).floor() + 1.0 } else { 1.0 })
 }

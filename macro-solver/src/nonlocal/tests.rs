@@ -278,3 +278,16 @@ proptest! {
         prop_assert!(work_mismatch(&operator, &stresses, &strains, &averages, &volumes).abs() < 1e-12);
     }
 }
+
+/// A radius in another unit would take the memory of the machine before anything is said.
+#[test]
+fn a_radius_that_reaches_far_beyond_the_mesh_is_refused_at_once() {
+    let points: Vec<[f64; 3]> = (0..32).map(|number| [f64::from(number % 4), f64::from(number / 4), 0.0]).collect();
+    let with = |radius: f64, periods: &[[f64; 3]]| {
+        NonlocalOperator::new(&points, periods, &settings(radius, Kernel::Wendland)).map(|operator| operator.len())
+    };
+    let too_wide = |radius: f64| Err(NonlocalError::TooWide { radius, most: MOST_NEIGHBOURS });
+    assert_eq!(with(20.0, &[]), Ok(32));
+    assert_eq!(with(1e3, &[]), too_wide(1e3));
+    assert_eq!(with(1e9, &[[4.0, 0.0, 0.0], [0.0, 8.0, 0.0]]), too_wide(1e9));
+}

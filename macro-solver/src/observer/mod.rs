@@ -336,6 +336,8 @@ pub struct DynamicsView<'a> {
     pub energy: EnergyBalance,
     /// Time step, s.
     pub time_step: f64,
+    /// Bound of the stable time step by the elastic tangents of the elements, s.
+    pub stable_step: f64,
     /// Mass added by mass scaling, kg, in the plane per metre of thickness.
     pub added_mass: f64,
     /// Mass of the body, added mass included, kg, in the plane per metre of thickness.

@@ -128,6 +128,7 @@ impl Observer for EnergyLedger {
             let steps = largest("steps_off_energy_balance", motion.energy.longest_excess as f64);
             self.dynamics = BTreeMap::from([
                 ("time_step".to_owned(), motion.time_step),
+                ("stable_step".to_owned(), motion.stable_step),
                 ("mass".to_owned(), motion.mass),
                 ("added_mass".to_owned(), motion.added_mass),
                 ("kinetic_energy".to_owned(), motion.energy.kinetic),
@@ -251,6 +252,7 @@ mod tests {
                 accelerations: &still,
                 energy: EnergyBalance { external, ..EnergyBalance::default() },
                 time_step: 1.0,
+                stable_step: 2.0,
                 added_mass: 0.0,
                 mass: 1.0,
             });

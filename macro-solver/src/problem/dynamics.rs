@@ -36,7 +36,8 @@ struct StepKeys {
     /// Share of the critical step of the fastest element.
     #[schemars(extend("x-unit" = "-", "x-default" = "0.9", "exclusiveMinimum" = 0, "x-instead-of" = "time_step"), range(max = 1.0))]
     safety: Option<f64>,
-    /// A fixed step. It is not limited; an unstable run is stopped by the energy monitor.
+    /// A fixed step. It is not limited; above the stable step of the elements a run is warned of, and stopped by the energy monitor once its
+    /// balance is off in four instants in a row.
     #[schemars(extend("x-unit" = "s", "exclusiveMinimum" = 0, "x-instead-of" = "safety"))]
     time_step: Option<f64>,
 }

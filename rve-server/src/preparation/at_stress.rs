@@ -160,8 +160,7 @@ fn with_what_was_carried(error: PackingError, carried: &StressTarget) -> Packing
 }
 
 fn target<S: Space>(stress: &Matrix) -> Result<StressTarget, PackingError> {
-    let rows: Vec<Vec<f64>> = stress[..S::DIMENSION].iter().map(|row| row[..S::DIMENSION].to_vec()).collect();
-    StressTarget::from_rows(&rows, S::DIMENSION)
+    StressTarget::of_tensor(stress, S::DIMENSION)
 }
 
 /// Number of stresses from one to the other, the last one included.

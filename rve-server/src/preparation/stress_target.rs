@@ -28,6 +28,15 @@ impl StressTarget {
         Err(PackingError::Content(format!("pressure = {pressure} must be a positive number")))
     }
 
+    /// A tensor in space, of which a plane target takes the plane components.
+    ///
+    /// # Errors
+    /// As [`StressTarget::from_rows`].
+    pub fn of_tensor(stress: &[[f64; 3]; 3], dimension: usize) -> Result<Self, PackingError> {
+        let rows: Vec<Vec<f64>> = stress[..dimension].iter().map(|row| row[..dimension].to_vec()).collect();
+        Self::from_rows(&rows, dimension)
+    }
+
     /// A full tensor by its rows.
     ///
     /// # Errors

@@ -253,3 +253,14 @@ fn spheres_are_handed_over() {
     let answer = cell.trial(&target, &TrialOptions::default()).unwrap();
     assert!(answer.flags.contains(TrialFlags::HANDED_OVER));
 }
+
+/// `rve.largest_event_increment`: larger strain components go to relaxation.
+#[test]
+fn increments_above_the_largest_one_are_handed_over() {
+    let start = loaded("discs-100.json", 0.0);
+    let path: Vec<Plane> = [1e-6, 8e-6, 2e-5].map(|strain| [[0.0, 0.0], [0.0, -strain]]).to_vec();
+    for (largest, handed_over) in [(None, 1), (Some(2e-6), 2), (Some(1e-4), 0)] {
+        let options = RveOptions { largest_event_increment: largest, ..event_driven() };
+        assert_eq!(run("discs-100.json", options, &start, &path).1.handed_over, handed_over, "{largest:?}");
+    }
+}

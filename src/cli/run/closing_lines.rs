@@ -13,6 +13,9 @@ const LARGEST_RESIDUAL: f64 = 0.05;
 /// The same of dynamic stages, over the largest energy of the stage so far, which is small at first.
 const LARGEST_RESIDUAL_OF_MOTION: f64 = 0.1;
 
+/// Mass that scaling adds, over that of the body, from which on it is warned of.
+const LARGEST_ADDED_MASS: f64 = 0.05;
+
 /// Where the counters are explained.
 const EXPLAINED: &str = "see docs/reference/counters.md";
 
@@ -142,7 +145,19 @@ fn warnings(summary: &Summary) -> String {
              began from forces that were not in balance (a smaller dynamics.safety or time_step tells which)"
         )
     });
-    let all: Vec<String> = counted.into_iter().chain(open).chain(off).collect();
+    let [step, stable] = ["time_step", "stable_step"].map(|name| summary.dynamics.get(name).copied().unwrap_or(0.0));
+    let unstable = (step > stable * (1.0 + 1e-6)).then(|| {
+        format!("dynamics.time_step = {step:.3e} s is above the stable step of the elements, {stable:.3e} s: a motion may grow without bound")
+    });
+    let [mass, added] = ["mass", "added_mass"].map(|name| summary.dynamics.get(name).copied().unwrap_or(0.0));
+    let heavier = (added > LARGEST_ADDED_MASS * (mass - added)).then(|| {
+        let percent = 100.0 * added / (mass - added);
+        format!(
+            "mass scaling has added {percent:.0} % to the mass of the body: inertia is that much too large (a smaller dynamics.mass_scaled_step or \
+             mass_factor adds less)"
+        )
+    });
+    let all: Vec<String> = counted.into_iter().chain(open).chain(off).chain(unstable).chain(heavier).collect();
     if all.is_empty() { "none".to_owned() } else { all.join("; ") }
 }
 

@@ -90,7 +90,8 @@ pub(super) fn shortcuts(
     let stagnated_steps = Shortcut {
         enabled: allowed.stagnated_steps,
         count: statistics.stagnated_steps,
-        of: statistics.steps,
+        // The equilibrium that a run starts from is none of its steps, and may stagnate too.
+        of: statistics.steps + 1,
         error: bound(statistics.stagnated_steps > 0, statistics.largest_stagnated_force_ratio),
         ..Shortcut::default()
     };

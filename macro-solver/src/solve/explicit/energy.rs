@@ -65,6 +65,9 @@ pub(super) enum BalanceViolation {
 /// 5 at 0.9 of the critical step, 500 at 0.999 of it.
 const AMPLIFICATION: f64 = 1e3;
 
+/// Instants in a row beyond the tolerance at which a run with a time step above the stable one is stopped.
+const PATIENCE_ABOVE_STABLE_STEP: u64 = 4;
+
 impl Monitor {
     /// An empty ledger.
     pub(super) fn new(tolerance: f64, max_unresolved: u64) -> Self {
@@ -112,6 +115,12 @@ impl Monitor {
         self.in_a_row = if unresolved { self.in_a_row + 1 } else { 0 };
         balance.excess_steps += u64::from(self.in_a_row > 0);
         balance.longest_excess = balance.longest_excess.max(self.in_a_row);
+    }
+
+    /// Shortens the patience: the time step is above the stable one of the elements. What grows soon strains grains so far that a
+    /// single time step may take minutes.
+    pub(super) fn expect_growth(&mut self) {
+        self.max_unresolved = self.max_unresolved.min(PATIENCE_ABOVE_STABLE_STEP);
     }
 
     /// What is wrong with the balance, if anything.

@@ -27,6 +27,9 @@ use protocol::TangentKind;
 /// Tangent for the stable step: every contact sticks, the stiffest case.
 const STIFFEST: TangentKind = TangentKind::TrussLike;
 
+/// Factor on the stable step above which a step is more than rounding beyond it.
+const LIMIT: f64 = 1.0 + 1e-6;
+
 /// A dynamic stage under way.
 #[derive(Clone, Debug)]
 pub(crate) struct Integrator {
@@ -46,6 +49,8 @@ pub(crate) struct Integrator {
     pub(super) velocity_constraints: VelocityConstraints,
     /// Time step, s, the instant from which it holds, s, and the number of that instant.
     pub(super) step: f64,
+    /// Bound of the stable time step by the elastic tangents of the elements, s.
+    pub(super) stable_step: f64,
     pub(super) origin: (f64, u64),
     /// Time of the instant before this one, s.
     pub(super) time_before: f64,
@@ -104,6 +109,7 @@ impl Integrator {
             velocity_constraints,
             stiffness,
             step: 0.0,
+            stable_step: f64::INFINITY,
             origin: (0.0, 0),
             time_before: 0.0,
             done: 0,
@@ -143,6 +149,11 @@ impl Integrator {
             StepRule::Stable { safety } => safety * critical,
             StepRule::Fixed { step } => step,
         };
+        self.stable_step = critical;
+        if wanted > LIMIT * critical {
+            tracing::warn!(event = "time_step_above_the_stable_one", time_step = wanted, stable_step = critical);
+            self.monitor.expect_growth();
+        }
         let now = self.time();
         let left = context.stage.duration - now;
         // A sliver of a step at the end would only be rounding.
@@ -226,6 +237,11 @@ impl Integrator {
     }
 
     pub(super) fn unstable(&self, reason: String) -> Outcome {
+        let reason = if self.step > LIMIT * self.stable_step {
+            format!("{reason}; elements are stable up to a time step of {:.3e} s", self.stable_step)
+        } else {
+            reason
+        };
         Outcome::Unstable { step: self.done, time: self.time(), time_step: self.step, reason }
     }
 
@@ -310,6 +326,11 @@ impl Integrator {
     /// Time step, s.
     pub(crate) fn step(&self) -> f64 {
         self.step
+    }
+
+    /// Bound of the stable time step by the elastic tangents of the elements, s.
+    pub(crate) fn stable_step(&self) -> f64 {
+        self.stable_step
     }
 
     /// Added by mass scaling, kg, and the mass of the body with it.

@@ -19,6 +19,7 @@ pub(crate) struct IntegratorRecord {
     added_mass: f64,
     held: Vec<f64>,
     step: f64,
+    stable_step: f64,
     origin: (f64, u64),
     done: u64,
     total: u64,
@@ -40,6 +41,7 @@ impl Integrator {
             added_mass: self.added_mass,
             held: self.held.clone(),
             step: self.step,
+            stable_step: self.stable_step,
             origin: self.origin,
             done: self.done,
             total: self.total,
@@ -85,6 +87,7 @@ impl Integrator {
             added_mass: record.added_mass,
             held: record.held,
             step: record.step,
+            stable_step: record.stable_step,
             origin: record.origin,
             // The next step sets it.
             time_before: 0.0,

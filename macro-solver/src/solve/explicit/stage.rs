@@ -106,6 +106,7 @@ impl Solver<'_> {
                 accelerations: &by_node(dimension, integrator.acceleration()),
                 energy: integrator.energy(),
                 time_step: integrator.step(),
+                stable_step: integrator.stable_step(),
                 added_mass,
                 mass,
             }),

@@ -44,7 +44,18 @@ pub(crate) const WINDOW: usize = 8;
 
 /// Wraps a refusal of iceoryx2; its error types share no trait but `Debug`.
 fn refused<E: Debug>(action: &'static str) -> impl FnOnce(E) -> TransportError {
-    move |error| TransportError::Channel { action, reason: format!("{error:?}") }
+    move |error| TransportError::Channel { action, reason: with_remedy(format!("{error:?}")) }
+}
+
+/// What the layer said, with what to look at where it found no memory.
+fn with_remedy(said: String) -> String {
+    if said.contains("DataSegment") {
+        format!(
+            "{said}; the memory of the channel cannot be mapped: look at the limit of this process (`ulimit -v`) and at the room in /dev/shm"
+        )
+    } else {
+        said
+    }
 }
 
 /// Wraps a refusal of the operating system.
@@ -54,7 +65,13 @@ fn system<E: Into<std::io::Error>>(action: &'static str) -> impl FnOnce(E) -> Tr
 
 #[cfg(test)]
 mod tests {
-    use super::ICEORYX2_VERSION;
+    use super::{ICEORYX2_VERSION, with_remedy};
+
+    #[test]
+    fn memory_that_cannot_be_mapped_is_told_with_what_to_look_at() {
+        assert!(with_remedy("UnableToCreateDataSegment".into()).contains("ulimit -v"));
+        assert_eq!(with_remedy("ServiceInCorruptedState".into()), "ServiceInCorruptedState");
+    }
 
     /// The name that processes compare is the version that they were built with.
     #[test]

@@ -75,7 +75,10 @@ fn an_unstable_mesh_is_stopped_and_a_stable_one_keeps_its_energy() {
         let (outcome, _) = run(&problem, &mut elastic(&problem, 1.0, 1.0));
         match outcome.outcome {
             Outcome::Unstable { step, ref reason, .. } => {
-                assert!(reason.contains("energy"), "{kind:?}: {reason}");
+                assert!(
+                    reason.contains("energy") && reason.contains("stable up to a time step of"),
+                    "{kind:?}: {reason}"
+                );
                 let quantity = "steps until a mesh at 1.25 times the bound of its elements is stopped";
                 Claim::of("S-9", quantity).number(step as f64).at_most(50.0);
             }
