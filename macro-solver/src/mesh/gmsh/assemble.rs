@@ -59,6 +59,9 @@ pub(super) fn mesh(content: Content, preferred: Option<ElementKind>) -> Result<M
         mesh.kinds.push(kind);
     }
     mesh.element_sets = sets.into_iter().map(|(name, elements)| (name, elements.into_iter().collect())).collect();
+    if mesh.element_sets.get("all").is_some_and(|elements| elements.len() < mesh.elements.len()) {
+        return Err(part_named_all(&content));
+    }
     mesh.element_sets.entry("all".to_owned()).or_insert_with(|| (0..mesh.elements.len()).collect());
     mesh.side_sets = match side_sets(&content, &mesh, &numbers, highest - 1) {
         Ok(sets) => sets,
@@ -67,8 +70,18 @@ pub(super) fn mesh(content: Content, preferred: Option<ElementKind>) -> Result<M
         Err(error) => return Err(error),
     };
     mesh.node_sets = node_sets(&content, &numbers);
+    let used: BTreeSet<usize> = mesh.elements.iter().flatten().copied().collect();
+    if mesh.node_sets.get("all").is_some_and(|nodes| !used.is_subset(&nodes.iter().copied().collect())) {
+        return Err(part_named_all(&content));
+    }
     mesh.node_sets.entry("all".to_owned()).or_insert_with(|| (0..mesh.nodes.len()).collect());
     Ok(mesh)
+}
+
+/// Loads of a scene that are meant for the whole body would act on that part alone.
+fn part_named_all(content: &Content) -> GmshError {
+    let problem = "the physical group `all` is a part of the body, and `all` is the name of the whole body in scenes";
+    GmshError::new(content.lines, problem, "give the group another name")
 }
 
 fn check(element: &RawElement, content: &Content) -> Result<(), GmshError> {

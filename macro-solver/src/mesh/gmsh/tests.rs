@@ -69,6 +69,20 @@ fn an_element_of_two_groups_is_one_element() {
     assert_eq!(mesh.side_sets["top"], plain.side_sets["top"]);
 }
 
+#[test]
+fn a_part_of_the_body_cannot_be_called_all() {
+    for part in ["\"soil\"", "\"top\"", "\"pin\""] {
+        let error = read(&MIXED.replace(part, "\"all\""), None).unwrap_err();
+        assert!(error.problem.contains("`all` is the name of the whole body"), "{}", error.problem);
+    }
+    // Without the triangles `soil` is the whole body.
+    let whole = MIXED
+        .replace("$Elements\n9\n", "$Elements\n7\n")
+        .replace("8 2 2 9 1 3 4 18\n9 2 2 9 1 3 18 7\n", "")
+        .replace("\"soil\"", "\"all\"");
+    assert_eq!(read(&whole, None).unwrap().element_sets["all"], [0, 1]);
+}
+
 /// Gmsh numbers the groups of each dimension from 1: a curve and a surface without names were one node set under their number. A name in
 /// two dimensions is meant.
 #[test]
