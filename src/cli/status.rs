@@ -72,12 +72,13 @@ fn paragraph(
     let mut line = |label: &str, value: String| {
         writeln!(text, "  {label:<9} {value}").expect("writing to a String cannot fail");
     };
+    let is_paused = progress.is_some_and(|known| Controls::of(&known.output).has(PAUSED));
     let process = pid.map_or_else(|| "starting".to_owned(), |pid| pid.to_string());
     match progress {
         Some(known) => {
             line("scene", known.scene.display().to_string());
             line("output", known.output.display().to_string());
-            if Controls::of(&known.output).has(PAUSED) {
+            if is_paused {
                 line("paused", format!("`grainspan ctl {} resume` lets it go on", known.output.display()));
             }
             line("process", format!("{process}, for {}", duration(now.saturating_sub(known.begun))));
@@ -87,13 +88,18 @@ fn paragraph(
         }
         None => line("process", process),
     }
-    let reports = progress.map_or(&[][..], |known| &known.workers);
+    let mut reports = progress.map_or_else(Vec::new, |known| known.workers.clone());
+    if is_paused {
+        // The last reports are those of the step before, whose jobs are done.
+        reports.iter_mut().for_each(|report| report.point = None);
+    }
     if workers.len() > most_lines {
-        line("workers", totals(workers, reports));
+        line("workers", totals(workers, &reports));
     } else {
         for worker in workers {
             let used = duration(worker.ticks / WorkerProcess::TICKS_PER_SECOND);
-            let done = report_of(worker, reports).map_or(", has not joined".to_owned(), work);
+            let unknown = if is_paused { "" } else { ", has not joined" };
+            let done = report_of(worker, &reports).map_or(unknown.to_owned(), work);
             line("worker", format!("{}, {}, {used} of processor time{done}", worker.pid, state(worker)));
         }
     }
