@@ -37,7 +37,7 @@ struct StepKeys {
     #[schemars(extend("x-unit" = "-", "x-default" = "0.9", "exclusiveMinimum" = 0, "x-instead-of" = "time_step"), range(max = 1.0))]
     safety: Option<f64>,
     /// A fixed step. It is not limited; above the stable step of the elements a run is warned of, and stopped by the energy monitor once its
-    /// balance is off in four instants in a row.
+    /// balance is off in four instants in a row, or by a tenth of the largest energy.
     #[schemars(extend("x-unit" = "s", "exclusiveMinimum" = 0, "x-instead-of" = "safety"))]
     time_step: Option<f64>,
 }

@@ -42,6 +42,8 @@ pub(super) struct Monitor {
     tolerance: f64,
     /// Instants in a row beyond the tolerance at which the run is stopped; 0: never.
     max_unresolved: u64,
+    /// Whether the time step is above the stable one of the elements.
+    expects_growth: bool,
     /// Instants in a row beyond the tolerance up to now.
     in_a_row: u64,
     /// What the accelerations of the start take from the balance for good, J.
@@ -68,6 +70,9 @@ const AMPLIFICATION: f64 = 1e3;
 /// Instants in a row beyond the tolerance at which a run with a time step above the stable one is stopped.
 const PATIENCE_ABOVE_STABLE_STEP: u64 = 4;
 
+/// Residual over the largest energy at which such a run is stopped at once.
+const GROSS: f64 = 0.1;
+
 impl Monitor {
     /// An empty ledger.
     pub(super) fn new(tolerance: f64, max_unresolved: u64) -> Self {
@@ -75,6 +80,7 @@ impl Monitor {
             balance: EnergyBalance::default(),
             tolerance,
             max_unresolved,
+            expects_growth: false,
             in_a_row: 0,
             left_by_start: 0.0,
             set_off: 0.0,
@@ -120,7 +126,7 @@ impl Monitor {
     /// Shortens the patience: the time step is above the stable one of the elements. What grows soon strains grains so far that a
     /// single time step may take minutes.
     pub(super) fn expect_growth(&mut self) {
-        self.max_unresolved = self.max_unresolved.min(PATIENCE_ABOVE_STABLE_STEP);
+        self.expects_growth = true;
     }
 
     /// What is wrong with the balance, if anything.
@@ -130,6 +136,13 @@ impl Monitor {
         if grows || !ratio.is_finite() {
             return Some(BalanceViolation::Unstable);
         }
-        (self.max_unresolved > 0 && self.in_a_row >= self.max_unresolved).then_some(BalanceViolation::Unresolved)
+        let is_gross = self.expects_growth && ratio > GROSS;
+        let most = if self.expects_growth {
+            self.max_unresolved.min(PATIENCE_ABOVE_STABLE_STEP)
+        } else {
+            self.max_unresolved
+        };
+        let is_unresolved = self.max_unresolved > 0 && (is_gross || self.in_a_row >= most);
+        is_unresolved.then_some(BalanceViolation::Unresolved)
     }
 }

@@ -213,6 +213,9 @@ impl Integrator {
                 "the body holds {largest:.1e} J, far more than it was given, and the energy balance is off by {residual:.1e} \
                  of that"
             ))),
+            Some(BalanceViolation::Unresolved) if self.is_above_stable_step() => {
+                Err(self.unstable(format!("the energy balance is off by {residual:.1e} of the largest energy")))
+            }
             Some(BalanceViolation::Unresolved) => Err(self.unstable(format!(
                 "the energy balance has been off by more than it may for {} steps, now by {residual:.1e} of the largest \
                  energy: the motion is too fast for the time step, though it does not grow",
@@ -236,8 +239,12 @@ impl Integrator {
         Moment { load: time / context.stage.duration, time }
     }
 
+    fn is_above_stable_step(&self) -> bool {
+        self.step > LIMIT * self.stable_step
+    }
+
     pub(super) fn unstable(&self, reason: String) -> Outcome {
-        let reason = if self.step > LIMIT * self.stable_step {
+        let reason = if self.is_above_stable_step() {
             format!("{reason}; elements are stable up to a time step of {:.3e} s", self.stable_step)
         } else {
             reason
