@@ -163,9 +163,12 @@ impl Conditions {
     pub(super) fn remove(&mut self, document: &Document, names: &[Located<String>]) -> Result<(), InputError> {
         for name in names {
             if !self.0.iter().any(|acting| acting.name == *name.get_ref()) {
-                let mut known: Vec<&str> = self.0.iter().map(|acting| acting.name.as_str()).collect();
-                known.sort_unstable();
-                known.dedup();
+                let mut known: Vec<&str> = Vec::new();
+                for acting in &self.0 {
+                    if !known.contains(&acting.name.as_str()) {
+                        known.push(&acting.name);
+                    }
+                }
                 return Err(document
                     .error_at(name.span(), format!("no condition '{}' acts that could be removed", name.get_ref()))
                     .hint(format!(

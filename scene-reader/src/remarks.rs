@@ -294,8 +294,14 @@ mod tests {
 
     #[test]
     fn supports_that_move_farther_than_the_body_is_large_are_told() {
-        let far = remarks(&["boundary.2.displacement.y=-0.2"]);
+        let moved = |top: f64| {
+            let held = "{ set = 'bottom', displacement = { x = 0.0, y = 0.1 } }";
+            let boundary = format!("boundary=[{held}, {{ set = 'top', displacement = {{ y = {top} }} }}]");
+            remarks(&["tilting_platen=[]", &boundary])
+        };
+        let far = moved(-0.1);
         assert!(far.len() == 1 && far[0].starts_with("supports move by 2e-1 m"), "{far:?}");
+        assert_eq!(moved(0.095), Vec::<String>::new(), "the body is carried along");
     }
 
     /// Dampers there did nothing but change the account of the energy.

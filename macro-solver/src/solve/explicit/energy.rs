@@ -68,7 +68,7 @@ pub(super) enum BalanceViolation {
 const AMPLIFICATION: f64 = 1e3;
 
 /// Instants in a row beyond the tolerance at which a run with a time step above the stable one is stopped.
-const PATIENCE_ABOVE_STABLE_STEP: u64 = 4;
+const MOST_ABOVE_STABLE_STEP: u64 = 4;
 
 /// Residual over the largest energy at which such a run is stopped at once.
 const GROSS: f64 = 0.1;
@@ -137,11 +137,8 @@ impl Monitor {
             return Some(BalanceViolation::Unstable);
         }
         let is_gross = self.expects_growth && ratio > GROSS;
-        let most = if self.expects_growth {
-            self.max_unresolved.min(PATIENCE_ABOVE_STABLE_STEP)
-        } else {
-            self.max_unresolved
-        };
+        let most =
+            if self.expects_growth { self.max_unresolved.min(MOST_ABOVE_STABLE_STEP) } else { self.max_unresolved };
         let is_unresolved = self.max_unresolved > 0 && (is_gross || self.in_a_row >= most);
         is_unresolved.then_some(BalanceViolation::Unresolved)
     }
