@@ -89,13 +89,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     if action != Action::Resume
         && let Some(reason) = controls.text(NOT_SAVED)
     {
-        let goes_on = match action {
-            Action::Pause => "it is paused",
-            Action::Stop => "it has ended, and the last checkpoint before is what `--resume` begins with",
-            Action::Checkpoint | Action::Resume => "it goes on",
+        let (goes_on, hint) = match action {
+            Action::Pause => ("it is paused", "make room on the disk and ask for a checkpoint"),
+            Action::Stop => ("it has ended", "make room on the disk; `--resume` begins with the checkpoint before"),
+            Action::Checkpoint | Action::Resume => ("it goes on", "make room on the disk and ask again"),
         };
         let text = format!("the run in {place} could not save its state; {goes_on}: {}", reason.trim());
-        return Err(bad(page::PageError(format!("{text}\nhint: make room on the disk and ask again"))));
+        return Err(bad(page::PageError(format!("{text}\nhint: {hint}"))));
     }
     print(format!("{}: done\n", action.keyword()).as_bytes())?;
     Ok(Exit::Done)

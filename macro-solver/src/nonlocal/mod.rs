@@ -166,7 +166,9 @@ impl NonlocalOperator {
         };
         for (number, position) in positions.iter().enumerate() {
             operator.add_point(number, position, positions.len(), &bins);
-            if operator.neighbours.len() - operator.starts[number] > MOST_NEIGHBOURS {
+            // At the first points: a whole table of such rows is what must not be made.
+            let in_reach = operator.neighbours.len() - operator.starts[number];
+            if in_reach > MOST_NEIGHBOURS || operator.points_of_grid(number) > MOST_NEIGHBOURS as f64 {
                 return Err(too_wide());
             }
         }

@@ -5,7 +5,7 @@
 //! without bound in an explicit scheme and makes an implicit one indefinite. On a real mesh the factor is taken, point by
 //! point, on the regular grid that has the distances of the point to its nearest neighbours along each axis.
 
-use super::{MOST_NEIGHBOURS, NonlocalError, NonlocalOperator};
+use super::{NonlocalError, NonlocalOperator};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -23,10 +23,6 @@ impl NonlocalOperator {
     pub(super) fn check_stability(&self) -> Result<(), NonlocalError> {
         if self.settings.adjoint || self.is_identity() || self.is_empty() {
             return Ok(());
-        }
-        let has_room = |point: usize| reach(&self.spacing(point)).iter().product::<f64>() <= MOST_NEIGHBOURS as f64;
-        if !(0..self.len()).all(has_room) {
-            return Err(NonlocalError::TooWide { radius: self.settings.radius, most: MOST_NEIGHBOURS });
         }
         let (point, symbol) = self.smallest_symbol();
         if symbol >= ROUNDING {
@@ -76,9 +72,14 @@ impl NonlocalOperator {
         spacing
     }
 
+    /// Points of the regular grid that has the distances of a point to its nearest neighbours, in the box around the radius.
+    pub(super) fn points_of_grid(&self, point: usize) -> f64 {
+        reach(&self.spacing(point)).into_iter().map(|points| 2.0 * points + 1.0).product()
+    }
+
     /// The smallest factor on a regular grid of the given distances, in units of the radius.
     fn grid_symbol(&self, spacing: &[f64; 3]) -> f64 {
-        let reach = spacing.map(|distance| if distance.is_finite() { (1.0 / distance).floor() as i32 } else { 0 });
+        let reach = reach(spacing).map(|points| points as i32);
         let place = |axis: usize, tick: i32| if tick == 0 { 0.0 } else { f64::from(tick) * spacing[axis] };
         let mut stencil = Vec::new();
         for x in -reach[0]..=reach[0] {
@@ -114,7 +115,7 @@ impl NonlocalOperator {
     }
 }
 
-/// Points of a regular grid with these distances, in units of the radius, within a radius to both sides along each axis.
+/// Points of a regular grid with these distances, in units of the radius, within a radius along each axis.
 fn reach(spacing: &[f64; 3]) -> [f64; 3] {
-    spacing.map(|distance| if distance.is_finite() { 2.0 * (1.0 / distance).floor() + 1.0 } else { 1.0 })
+    spacing.map(|distance| if distance.is_finite() { (1.0 / distance).floor() } else { 0.0 })
 }

@@ -209,8 +209,8 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             if self.limits.are_passed_by(&self.cell.committed().cell.rows) {
                 let [smallest, largest] = self.target.principal_pressures();
                 return Err(PackingError::Content(format!(
-                    "the grains flow before the smallest principal stress has come down to {:.2} of the largest, on the way to the stress that is \
-                     asked for: they cannot bear it with their friction between the grains; ask for stresses that differ less, or raise that friction",
+                    "the grains flow without reaching a stress whose smallest principal value is {:.2} of the largest, on the way to the stress that \
+                     is asked for: the friction between them does not bear it; ask for principal stresses that differ less, or raise that friction",
                     smallest / largest
                 )));
             }

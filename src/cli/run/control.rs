@@ -34,8 +34,13 @@ impl<'a> ControlledRun<'a> {
         Self { checkpoints, cells, controls, interrupt }
     }
 
+    /// Saves the state of a run that ends before it is complete; a complete one needs none.
+    pub(super) fn end(&mut self, is_complete: bool) -> Result<(), PageError> {
+        if is_complete { self.controls.done(NOT_SAVED) } else { self.save() }
+    }
+
     /// Saves the state after the last accepted step. Whoever asked for it learns of a failure from a file.
-    pub(super) fn save(&mut self) -> Result<(), PageError> {
+    fn save(&mut self) -> Result<(), PageError> {
         match self.checkpoints.flush() {
             Ok(()) => self.controls.done(NOT_SAVED),
             Err(reason) => self.controls.put_text(NOT_SAVED, &reason),

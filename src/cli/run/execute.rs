@@ -191,10 +191,8 @@ fn solve<P: MacroPort>(
     let run = solve_with_checkpoints(&scene.problem, &mut estimator, &mut observers, &mut controlled);
     let replicas = estimator.figures();
     let differences = material.counts();
-    if !matches!(run.outcome, Outcome::Completed)
-        && let Err(error) = controlled.save()
-    {
-        tracing::warn!(%error, "whoever asked for the end of the run is not told that its state could not be saved");
+    if let Err(error) = controlled.end(matches!(run.outcome, Outcome::Completed)) {
+        tracing::warn!(%error, "whoever asked for the end of the run is not told whether its state is saved");
     }
     if scene.cells {
         controlled.cells.write_all();

@@ -44,6 +44,24 @@ fn an_element_test_has_the_promised_columns_and_equal_bytes() {
     assert!((last[19] + last[21] - 1.0).abs() < 1e-14, "the trace of the fabric");
 }
 
+/// What is found only when the cell is made: a table of an earlier test was emptied.
+#[test]
+fn a_test_that_cannot_begin_leaves_an_earlier_table_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = element_test(folder.path());
+    let text = fs::read_to_string(&test).unwrap() + "[frame]\n";
+    fs::write(&test, text).unwrap();
+    let table = folder.path().join("curve.csv");
+    fs::write(&table, "earlier\n").unwrap();
+    let command = ["element", &test, "--tangent", "truss_like", "--out", table.to_str().unwrap()];
+    for sweep in [&[][..], &["--sweep", "contact.friction=0.3,0.5"]] {
+        let refused = grainspan(&[&command[..], sweep].concat());
+        let said = String::from_utf8_lossy(&refused.stderr);
+        assert!(refused.status.code() == Some(2) && said.contains("no tangent"), "{said}");
+        assert_eq!(fs::read_to_string(&table).unwrap(), "earlier\n");
+    }
+}
+
 /// A table of all combinations, in their order, with the rows of single tests; equal bytes for any number of jobs.
 #[test]
 fn a_sweep_is_one_table_of_single_tests() {

@@ -42,8 +42,6 @@ pub(super) struct Monitor {
     tolerance: f64,
     /// Instants in a row beyond the tolerance at which the run is stopped; 0: never.
     max_unresolved: u64,
-    /// Whether the time step is above the stable one of the elements.
-    expects_growth: bool,
     /// Instants in a row beyond the tolerance up to now.
     in_a_row: u64,
     /// What the accelerations of the start take from the balance for good, J.
@@ -80,7 +78,6 @@ impl Monitor {
             balance: EnergyBalance::default(),
             tolerance,
             max_unresolved,
-            expects_growth: false,
             in_a_row: 0,
             left_by_start: 0.0,
             set_off: 0.0,
@@ -123,22 +120,17 @@ impl Monitor {
         balance.longest_excess = balance.longest_excess.max(self.in_a_row);
     }
 
-    /// Shortens the patience: the time step is above the stable one of the elements. What grows soon strains grains so far that a
-    /// single time step may take minutes.
-    pub(super) fn expect_growth(&mut self) {
-        self.expects_growth = true;
-    }
-
-    /// What is wrong with the balance, if anything.
-    pub(super) fn excess(&self) -> Option<BalanceViolation> {
+    /// What is wrong with the balance, if anything. Where the time step is above the stable one of the elements, motions may grow, and soon
+    /// strain grains so far that a single time step takes minutes: the run is stopped earlier.
+    pub(super) fn excess(&self, is_above_stable_step: bool) -> Option<BalanceViolation> {
         let ratio = self.balance.relative_residual();
         let grows = ratio > self.tolerance && self.balance.largest > AMPLIFICATION * self.supplied;
         if grows || !ratio.is_finite() {
             return Some(BalanceViolation::Unstable);
         }
-        let is_gross = self.expects_growth && ratio > GROSS;
+        let is_gross = is_above_stable_step && ratio > GROSS;
         let most =
-            if self.expects_growth { self.max_unresolved.min(MOST_ABOVE_STABLE_STEP) } else { self.max_unresolved };
+            if is_above_stable_step { self.max_unresolved.min(MOST_ABOVE_STABLE_STEP) } else { self.max_unresolved };
         let is_unresolved = self.max_unresolved > 0 && (is_gross || self.in_a_row >= most);
         is_unresolved.then_some(BalanceViolation::Unresolved)
     }

@@ -47,10 +47,10 @@ pub(crate) struct Integrator {
     /// Forces at absorbing sides in place of the supports that they replace, N, by degree of freedom.
     pub(super) held: Vec<f64>,
     pub(super) velocity_constraints: VelocityConstraints,
-    /// Time step, s, the instant from which it holds, s, and the number of that instant.
-    pub(super) step: f64,
     /// Bound of the stable time step by the elastic tangents of the elements, s.
     pub(super) stable_step: f64,
+    /// Time step, s, the instant from which it holds, s, and the number of that instant.
+    pub(super) step: f64,
     pub(super) origin: (f64, u64),
     /// Time of the instant before this one, s.
     pub(super) time_before: f64,
@@ -150,10 +150,6 @@ impl Integrator {
             StepRule::Fixed { step } => step,
         };
         self.stable_step = critical;
-        if wanted > LIMIT * critical {
-            tracing::warn!(event = "time_step_above_the_stable_one", time_step = wanted, stable_step = critical);
-            self.monitor.expect_growth();
-        }
         let now = self.time();
         let left = context.stage.duration - now;
         // A sliver of a step at the end would only be rounding.
@@ -161,6 +157,10 @@ impl Integrator {
         self.origin = (now, self.done);
         self.step = left / steps;
         self.total = self.done + steps as u64;
+        if self.is_above_stable_step() {
+            let (time_step, stable_step) = (self.step, self.stable_step);
+            tracing::warn!(event = "time_step_above_the_stable_one", time_step, stable_step);
+        }
     }
 
     /// One time step: displacements, stresses, forces, velocities, energies.
@@ -207,7 +207,7 @@ impl Integrator {
     fn check_energy(&self) -> Result<(), Outcome> {
         let balance = self.monitor.balance;
         let (largest, residual) = (balance.largest, balance.relative_residual());
-        match self.monitor.excess() {
+        match self.monitor.excess(self.is_above_stable_step()) {
             None => Ok(()),
             Some(BalanceViolation::Unstable) => Err(self.unstable(format!(
                 "the body holds {largest:.1e} J, far more than it was given, and the energy balance is off by {residual:.1e} \
@@ -239,6 +239,7 @@ impl Integrator {
         Moment { load: time / context.stage.duration, time }
     }
 
+    /// Whether the time step, which was given then, is above the stable one.
     fn is_above_stable_step(&self) -> bool {
         self.step > LIMIT * self.stable_step
     }
