@@ -49,7 +49,7 @@ fn an_element_test_has_the_promised_columns_and_equal_bytes() {
 fn a_test_that_cannot_begin_leaves_an_earlier_table_alone() {
     let folder = tempfile::tempdir().unwrap();
     let test = element_test(folder.path());
-    let text = fs::read_to_string(&test).unwrap() + "[frame]\n";
+    let text = fs::read_to_string(&test).unwrap() + "[frame]\nconstraint = \"periodic\"\n";
     fs::write(&test, text).unwrap();
     let table = folder.path().join("curve.csv");
     fs::write(&table, "earlier\n").unwrap();
