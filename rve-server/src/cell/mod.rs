@@ -14,5 +14,5 @@ pub use network::{ContactNetwork, NetworkContact};
 pub use operator_memory::{Calibration, OperatorMemory};
 pub use periodic::Cell;
 pub(crate) use periodic::translation;
-pub(crate) use reduction::{reduced, shortened};
+pub(crate) use reduction::{reduced, renamed, shortened};
 pub use state::{ContactRecord, GrainState};

@@ -48,10 +48,10 @@ pub(crate) fn reduced<S: Space>(mut state: GrainState<S>) -> GrainState<S> {
     state
 }
 
-/// Reduces the cell and returns how. Each step shortens a vector, so the steps come to an end.
+/// Reduces the cell and returns how. Each step shortens a vector; vectors that rounding keeps apart are left as they are in the end.
 fn steps<S: Space>(cell: &mut Cell<S>) -> Vec<Step> {
     let mut steps = Vec::new();
-    while let Some(step) = next_step(cell) {
+    while let Some(step) = next_step(cell).filter(|_| steps.len() < MOST_STEPS as usize) {
         take(cell, step);
         steps.push(step);
     }
@@ -117,6 +117,15 @@ fn relabelled<S: Space>(
     for step in steps {
         shift[step.by] += step.count * shift[step.row];
     }
+    renamed(contact, moment, shift)
+}
+
+/// A contact whose end grain is `shift` cells away in terms of other vectors of the same lattice, under its canonical name.
+pub(crate) fn renamed<S: Space>(
+    contact: &ContactRecord<S>,
+    moment: Option<S::Spin>,
+    shift: S::Shift,
+) -> (ContactRecord<S>, Option<S::Spin>) {
     let key = PairKey::<S>::canonical(contact.origin, contact.end, shift);
     // A grain that touches its own image has one of two names; the other one exchanges its roles.
     let is_swapped = key.shift != shift;

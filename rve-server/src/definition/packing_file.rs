@@ -16,6 +16,10 @@ use thiserror::Error;
 /// apart as grains need it.
 const FARTHEST: f64 = 1e6;
 
+/// Largest product of the lengths of the periodicity vectors over the area or volume that they span. Beyond it rounding shows in what they
+/// span; shifts of contacts by [`FARTHEST`] cells stay whole numbers of 32 bits when the lattice is described by short vectors.
+const LARGEST_LEAN: f64 = 1e3;
+
 /// Why a packing was refused or could not be read or written.
 #[derive(Debug, Error)]
 pub enum PackingError {
@@ -276,6 +280,14 @@ impl<S: Space> PackingFile<S> {
                 ),
             });
         }
+        let lengths: f64 = (0..S::DIMENSION).map(|row| self.periodicity[row].norm()).product();
+        if lengths > LARGEST_LEAN * measure {
+            return refuse(format!(
+                "the vectors of periodicity are nearly parallel: the product of their lengths is {:.1e} times what they span; describe the same \
+                 lattice by shorter vectors, for example Y2 - n Y1 for Y2",
+                lengths / measure
+            ));
+        }
         if self.grains.is_empty() {
             return refuse("a packing needs at least one grain".into());
         }
@@ -491,6 +503,12 @@ mod tests {
         assert!(with(&|p| p.contacts.push(listed(1, 0, [0, 0]))).contains("name the same pair"));
         assert!(with(&|p| p.contacts[0] = listed(0, 0, [0, 0])).contains("cannot touch itself"));
         assert!(with(&|p| p.periodicity.swap(0, 1)).contains("swap the two rows"));
+        // The search for pairs ran out of numbers in such a cell: it found none, and the packing bore nothing.
+        let leaning = |p: &mut PackingFile| {
+            let [[a, b], [c, d]] = p.periodicity;
+            p.periodicity[1] = [c + 1e5 * a, d + 1e5 * b];
+        };
+        assert!(with(&leaning).contains("nearly parallel: the product of their lengths is 1.0e5 times"));
         assert!(with(&|p| p.grains.clear()).contains("at least one grain"));
         assert!(
             with(&|p| p.grains[1] = [0.5, 0.5, 0.4]).contains("grains 0 and 1 have their centres at the same place")

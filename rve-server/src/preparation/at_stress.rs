@@ -241,6 +241,31 @@ mod tests {
         assert!((stress[1][1] / wanted[1][1] - 1.0).abs() < 2e-6, "{stress:?}");
     }
 
+    /// One lattice by two pairs of vectors, none of which points along axis 1: the fabric of one was turned by 116 degrees against that of the
+    /// other, at the right stress.
+    #[test]
+    fn the_choice_of_vectors_turns_nothing() {
+        let fabric = |mix: [[f64; 2]; 2]| {
+            let AnyDefinition::Discs(mut given) = cell("discs-liu2018-a08.json", 1e9, 0.0) else { panic!("discs") };
+            given.contact = ContactTable::linear(1e7, 0.2, 0.4);
+            let [first, second] = given.packing.periodicity;
+            given.packing.periodicity =
+                mix.map(|[one, other]| std::array::from_fn(|axis| one * first[axis] + other * second[axis]));
+            given.packing.contacts.clear();
+            let isotropic = at_rest(1.0, 1.5e5);
+            let AnyDefinition::Discs(made) = AnyDefinition::Discs(given).at_stress(&isotropic).unwrap().definition
+            else {
+                panic!("discs")
+            };
+            rows(&GrainRve::new(&made).unwrap().observe(Observables::FABRIC).unwrap().observed.fabric)
+        };
+        let (plain, mixed) = (fabric([[1.0, 0.0], [0.0, 1.0]]), fabric([[2.0, 1.0], [1.0, 1.0]]));
+        for (i, j) in [(0, 0), (0, 1), (1, 1)] {
+            assert!((plain[i][j] - mixed[i][j]).abs() < 2e-3, "{plain:?} {mixed:?}");
+        }
+        assert!((plain[0][0] - plain[1][1]).abs() > 8e-3, "without anisotropy a turn is not seen: {plain:?}");
+    }
+
     #[test]
     fn spheres_too() {
         let wanted = at_rest(0.5, 6e4);

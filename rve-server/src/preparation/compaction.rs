@@ -1,14 +1,15 @@
 //! A cell in preparation: compressed, sheared, brought to a stress and written as a packing.
 
+use super::first_vectors::FirstVectors;
 use super::progress::{PackingProgress, ProgressLog};
 use super::servo::{LARGEST_STRAIN, Response, ServoLimits, StagnationMonitor, aim, pressure};
 use super::stress_target::{Matrix, StressTarget, symmetric, turned_in, turned_out};
-use crate::cell::ContactRecord;
-use crate::contact::ContactTable;
+use crate::cell::{Cell, ContactRecord, renamed};
+use crate::contact::{ContactTable, Rotations};
 use crate::definition::{GrainDefinition, ListedContact, PackingError, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::solver::SolverFor;
-use crate::space::{Components, Tensor, apply, cross, largest_component};
+use crate::space::{Components, Space, Tensor, apply, cross, largest_component};
 use crate::tangent::Closeness;
 use protocol::{Observables, RveError, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 
@@ -82,6 +83,12 @@ pub(crate) const TOLERANCES_OF_CHANGED_PACKINGS: Tolerances = Tolerances { force
 /// A cell with a target stress.
 pub(crate) struct Compaction<'a, S: SolverFor> {
     cell: GrainRve<S>,
+    /// The vectors that the packing was given with: its axes are theirs, whatever describes the lattice now.
+    first_vectors: FirstVectors,
+    /// Whether grains may not turn: nothing balances the moments on them, and only the symmetric part of the stress obeys the strain.
+    has_couples: bool,
+    /// The vectors of the committed cell as the latest trial has carried them along, m, by rows.
+    carried: S::Tensor,
     target: StressTarget,
     tolerances: Tolerances,
     limits: ServoLimits<S>,
@@ -102,6 +109,8 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
     ) -> Result<Self, PackingError> {
         let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
         let mut cell = GrainRve::<S>::new(&definition).map_err(content)?;
+        let first_vectors = FirstVectors::new::<S>(&definition.packing.periodicity, &cell.committed().cell.rows);
+        let has_couples = contact.rotations == Rotations::Blocked;
         cell.solve_operators_to(Closeness::RESULT);
         if S::DIMENSION == 2 {
             // The servo of spheres learns from its steps and reaches more targets with what their own operator says.
@@ -109,7 +118,8 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         }
         let limits =
             ServoLimits::increments_and_strain(MOST_INCREMENTS, cell.committed().cell.rows, MOST_STRAIN_OF_SERVO);
-        Ok(Self { cell, target, tolerances, limits, log })
+        let carried = cell.committed().cell.rows;
+        Ok(Self { cell, first_vectors, has_couples, carried, target, tolerances, limits, log })
     }
 
     /// Gives the cell another target, for `most_increments` servo steps and `most_strain` from here on: grains that flow at a lower stress than
@@ -139,7 +149,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         });
         let mut compression = FIRST_COMPRESSION;
         for increment in 0..MOST_INCREMENTS {
-            let before = (S::DIMENSION == 3).then(|| self.cell.clone());
+            let before = (S::DIMENSION == 3).then(|| (self.cell.clone(), self.first_vectors));
             let mut answer = self.trial(&self.isotropic(-compression), TangentKind::None)?;
             if before.is_some() {
                 answer = self.settled(answer)?;
@@ -148,13 +158,13 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             // Grains that snap across the window at the smallest increment are taken as they lie.
             if share > HANDOVER[1] && compression > LEAST_COMPRESSION {
                 match before {
-                    Some(before) => self.cell = before,
+                    Some(before) => (self.cell, self.first_vectors) = before,
                     None => self.cell.rollback(),
                 }
                 compression *= 0.5;
                 continue;
             }
-            self.cell.commit().map_err(content)?;
+            self.commit()?;
             self.report("compression", increment, &answer);
             if share > HANDOVER[0] {
                 // The strain of the servo counts from here.
@@ -175,7 +185,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             if is_at_rest || self.pressure_share(&answer) < HANDOVER[0] {
                 break;
             }
-            self.cell.commit().map_err(content)?;
+            self.commit()?;
             answer = self.trial(&self.isotropic(-TOUCH), TangentKind::None)?;
         }
         Ok(answer)
@@ -204,7 +214,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let (mut best, mut since_best) = (f64::INFINITY, 0);
         let (mut watch, mut careful_steps, mut slack) = (StagnationMonitor::new(), 0, 0);
         for increment in 0..self.limits.increments {
-            self.cell.commit().map_err(content)?;
+            self.commit()?;
             self.report("servo", increment, &answer);
             if self.limits.are_passed_by(&self.cell.committed().cell.rows) {
                 let [smallest, largest] = self.target.principal_pressures();
@@ -310,7 +320,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
     pub(crate) fn strain(&mut self, strain: &Matrix) -> Result<(), PackingError> {
         self.refine(2e-6);
         let answer = self.trial(&turned_out(strain, &self.axes()), TangentKind::None)?;
-        self.cell.commit().map_err(content)?;
+        self.commit()?;
         self.report("shear", 0, &answer);
         Ok(())
     }
@@ -337,7 +347,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let state = self.cell.committed();
         let axes = self.axes();
         let back = S::Tensor::from_fn(|i, j| axes[i][j]);
-        let turned = state.cell.deformed(&back).rows;
+        let turned = self.cell_by_first_vectors().deformed(&back).rows;
         // Y1 along axis 1, Y2 in the plane of axes 1 and 2: what rounding has left elsewhere is taken out.
         let rows = S::Tensor::from_fn(|row, axis| if axis > row { 0.0 } else { turned[row][axis] });
         let radii = &self.cell.model().radii;
@@ -346,10 +356,14 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let (mut contacts, mut rolling_moments) = (Vec::new(), Vec::new());
         for (place, contact) in state.contacts.iter().enumerate() {
             let moment = state.rolling_moments.get(place).copied();
+            let (contact, moment) = match self.first_vectors.are_those_of_now::<S>() {
+                true => (*contact, moment),
+                false => renamed(contact, moment, self.first_vectors.shift::<S>(contact.shift)),
+            };
             if contact.tangential_force.norm() == 0.0 && moment.is_none_or(|moment| moment.norm() == 0.0) {
                 continue;
             }
-            let ContactRecord { origin, end, shift, tangential_force } = *contact;
+            let ContactRecord { origin, end, shift, tangential_force } = contact;
             let tangential_force = S::turned_tangential(tangential_force, &back);
             contacts.push(ListedContact { origin, end, shift, tangential_force });
             rolling_moments.extend(moment.map(|moment| S::turned_spin(moment, &back)));
@@ -387,9 +401,14 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         largest / self.target.pressure
     }
 
-    /// Axes of the committed cell as rows: the first along Y1, the second in the plane of Y1 and Y2.
+    /// The committed cell by the vectors that the packing was given with.
+    fn cell_by_first_vectors(&self) -> Cell<S> {
+        Cell { rows: self.first_vectors.rows::<S>(&self.cell.committed().cell.rows) }
+    }
+
+    /// Axes of the committed cell as rows: the first along Y1 of the packing as it was given, the second in the plane of that and Y2.
     fn axes(&self) -> Matrix {
-        let rows = &self.cell.committed().cell.rows;
+        let rows = self.cell_by_first_vectors().rows;
         let unit = |v: [f64; 3]| {
             let length = v.dot(v).sqrt();
             v.map(|component| component / length)
@@ -424,9 +443,20 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
     fn trial(&mut self, strain: &Matrix, tangent: TangentKind) -> Result<TrialResult, PackingError> {
         let target = Tensor2::from_rows(strain);
         let options = TrialOptions { tangent, ..TrialOptions::default() };
-        let answer = self.cell.trial(&target, &options).map_err(content)?;
+        let mut answer = self.cell.trial(&target, &options).map_err(content)?;
         self.log.spend(answer.cost.force_evaluations);
+        if self.has_couples {
+            answer.stress = Tensor2::from_rows(&symmetric(&rows(&answer.stress)));
+        }
+        self.carried = carried_along::<S>(&self.cell.committed().cell, strain);
         Ok(answer)
+    }
+
+    /// Makes the latest trial the state.
+    fn commit(&mut self) -> Result<(), PackingError> {
+        self.cell.commit().map_err(content)?;
+        self.first_vectors.follow::<S>(&self.carried, &self.cell.committed().cell.rows);
+        Ok(())
     }
 
     fn report(&self, stage: &'static str, increment: u32, answer: &TrialResult) {
@@ -441,6 +471,11 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             unbalanced_force_ratio: answer.scalars.unbalanced_force_ratio,
         });
     }
+}
+
+/// Vectors of a cell, m, by rows, after a displacement gradient.
+fn carried_along<S: Space>(cell: &Cell<S>, gradient: &Matrix) -> S::Tensor {
+    cell.deformed(&S::Tensor::from_fn(|i, j| gradient[i][j] + if i == j { 1.0 } else { 0.0 })).rows
 }
 
 /// A strain cut to a largest component.

@@ -4,6 +4,7 @@ mod at_stress;
 mod compaction;
 #[cfg(test)]
 mod compaction_tests;
+mod first_vectors;
 mod friction_search;
 pub mod generate;
 pub mod grading;

@@ -147,6 +147,31 @@ mod tests {
     use super::*;
     use std::path::Path;
 
+    /// One lattice by two pairs of vectors: the axes of the packing are those of the vectors that it was given with.
+    #[test]
+    fn the_choice_of_vectors_turns_nothing() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
+        let Packing::Discs(mut flat) = Packing::read(&path).unwrap() else { panic!("the file holds discs") };
+        flat.contacts.clear();
+        // Long cells: their second vector leans by two thirds of the first.
+        let [first, second] = flat.periodicity;
+        let mut lean = flat.clone();
+        lean.periodicity[1] = [second[0] + 2.0 * first[0], second[1] + 2.0 * first[1]];
+        let contact =
+            ContactTable { modulus: Some(1e8), normal_stiffness: None, ..ContactTable::linear(1.0, 0.5, 0.5) };
+        let fabric = |packing: PackingFile| {
+            let made = Packing::Discs(packing).weakened(&contact, &Removal { number: 4, seed: 3 }).unwrap();
+            let Packing::Discs(packing) = made.packing else { panic!("discs stay discs") };
+            let options = RveOptions::default();
+            let definition = GrainDefinition { packing, contact: contact.clone(), options };
+            rows(&GrainRve::new(&definition).unwrap().observe(Observables::FABRIC).unwrap().observed.fabric)
+        };
+        let (flat, lean) = (fabric(flat), fabric(lean));
+        for (i, j) in [(0, 0), (0, 1), (1, 1)] {
+            assert!((flat[i][j] - lean[i][j]).abs() < 2e-3, "{flat:?} {lean:?}");
+        }
+    }
+
     #[test]
     fn a_weakened_packing_has_fewer_grains_and_the_stress_that_it_had() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");

@@ -4,8 +4,8 @@ use super::compaction::{content, rows};
 use super::friction_search::FrictionAttempt;
 use super::preshear::{ShearAttempt, anisotropy_of};
 use super::recipe::{PackingRecipe, StateQuantity};
-use super::stress_target::{Matrix, StressTarget, symmetric_pairs};
-use crate::contact::ContactTable;
+use super::stress_target::{Matrix, StressTarget, symmetric, symmetric_pairs};
+use crate::contact::{ContactTable, Rotations};
 use crate::definition::{GrainDefinition, PackingError, PackingFile, RveOptions};
 use crate::engine::GrainRve;
 use crate::homogenization::fabric::LARGE_OVERLAP_RATIO;
@@ -133,7 +133,11 @@ pub(crate) fn measured<S: SolverFor>(
         coordination_number_no_rattlers: answer.observed.coordination_number_no_rattlers,
         fabric,
         fabric_anisotropy: anisotropy_of_fabric(&fabric, target.dimension),
-        stress_error: stress_error(&stress, target),
+        // Grains that may not turn bear couples, which are no part of the target.
+        stress_error: match contact.rotations {
+            Rotations::Blocked => stress_error(&symmetric(&stress), target),
+            _ => stress_error(&stress, target),
+        },
         unbalanced_force_ratio: answer.scalars.unbalanced_force_ratio,
         max_overlap_ratio: answer.scalars.max_overlap_ratio,
         friction: contact.friction,

@@ -124,7 +124,8 @@ impl<S: SolverFor> GrainRve<S> {
     pub(super) fn build(definition: &GrainDefinition<S>, id: DefinitionId) -> Result<Self, RveError> {
         let model = GrainModel::new(definition)?;
         let mut solver = solver_for(definition.options.solver, &definition.contact)?;
-        let given = model.initial_state(definition);
+        // Trials begin with cells as square as their tiling allows, and so does the search for pairs, whose work grows with the skew.
+        let given = reduced(model.initial_state(definition));
         // One evaluation finds the contacts and cuts listed forces to the Coulomb limit; nothing moves.
         let end = solver
             .evaluate_state(&model, &given)
