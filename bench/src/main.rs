@@ -19,6 +19,7 @@ mod rve;
 mod scaling;
 mod schedule;
 mod self_test;
+mod shortcuts;
 mod stability;
 mod stability_options;
 mod table;
@@ -107,6 +108,13 @@ const STUDIES: &[Study] = &[
         about: "what each shortcut of a run saves, alone and together, and its error: specimen, wall, wave, cycles",
         parts: economy::parts,
         run: economy::run,
+        redraw: None,
+    },
+    Study {
+        name: "shortcuts",
+        about: "random scenes with and without each shortcut: histories the same, or within the tolerances",
+        parts: no_parts,
+        run: shortcuts::run,
         redraw: None,
     },
     Study {
@@ -239,9 +247,13 @@ fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Failure::new(Exit::BadInput, format!("there is no study `{name}`; `grainspan bench --list` lists them"))
     })?;
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/bench").join(study.name));
-    if study.name != "stability" && !arguments.stability.is_plain() {
-        let text =
-            format!("bench {}: one of the options given is for `bench stability`; see `bench --help`", study.name);
+    let foreign = match study.name {
+        "stability" => None,
+        "shortcuts" => arguments.stability.other_than_seed_and_scenes(),
+        _ => (!arguments.stability.is_plain()).then_some("`bench stability`"),
+    };
+    if let Some(owner) = foreign {
+        let text = format!("bench {}: one of the options given is for {owner}; see `bench --help`", study.name);
         return Err(Failure::new(Exit::BadInput, text));
     }
     let effort = Effort {

@@ -105,6 +105,46 @@ pub(crate) fn run_scene(scene: &Path, settings: &[String], folder: &Path) -> any
     Ok(ProgramRun { cost, summary: serde_json::from_slice(&summary)?, columns })
 }
 
+/// A run that has ended, well or not.
+#[derive(Clone, Debug)]
+pub(crate) struct EndedRun {
+    /// Exit code: 0, or 1 where a step did not converge.
+    pub(crate) code: i32,
+    /// `summary.json`.
+    pub(crate) summary: serde_json::Value,
+    /// Columns of `history.csv` in their order, as they are written.
+    pub(crate) columns: Vec<(String, Vec<String>)>,
+}
+
+impl EndedRun {
+    /// Steps in its history.
+    pub(crate) fn steps(&self) -> usize {
+        self.columns.first().map_or(0, |(_, rows)| rows.len())
+    }
+}
+
+/// Runs a scene as [`run_scene`] does, and takes a step that did not converge for an end too.
+///
+/// # Errors
+/// The run ends for another reason, or leaves no results.
+pub(crate) fn run_to_its_end(scene: &Path, settings: &[&str], folder: &Path) -> anyhow::Result<EndedRun> {
+    let settings: Vec<String> = settings.iter().map(|&setting| setting.to_owned()).collect();
+    let output = run_command(&program()?, scene, &settings, folder).stdin(Stdio::null()).output()?;
+    let Some(code @ (0 | 1)) = output.status.code() else {
+        bail!("the run ended with {}: {}", output.status, String::from_utf8_lossy(&output.stderr));
+    };
+    let summary = fs::read(folder.join("summary.json")).context("the summary of the run")?;
+    let mut reader = csv::Reader::from_path(folder.join("history.csv")).context("the history of the run")?;
+    let mut columns: Vec<(String, Vec<String>)> =
+        reader.headers()?.iter().map(|head| (head.to_owned(), Vec::new())).collect();
+    for record in reader.records() {
+        for ((_, rows), entry) in columns.iter_mut().zip(&record?) {
+            rows.push(entry.to_owned());
+        }
+    }
+    Ok(EndedRun { code, summary: serde_json::from_slice(&summary)?, columns })
+}
+
 fn run_command(program: &Path, scene: &Path, settings: &[String], folder: &Path) -> Command {
     let mut command = Command::new(program);
     command.arg("run").arg(scene).arg("--out").arg(folder).args(["--workers", &WORKERS.to_string()]);

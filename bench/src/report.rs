@@ -38,6 +38,11 @@ impl Report {
         Ok(report)
     }
 
+    /// Where it is written.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Says a sentence.
     ///
     /// # Errors

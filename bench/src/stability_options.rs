@@ -1,13 +1,13 @@
-//! Options of the study of stability on the command line.
+//! Options of the studies of random cases on the command line.
 
 use rve_server::definition::Damping;
 use std::path::PathBuf;
 
-/// Arguments that only `bench stability` reads.
+/// Arguments that only `bench stability` reads, and of which `bench shortcuts` reads the seed, the number of cases and the scene.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Options of stability")]
 pub(crate) struct Options {
-    /// Cases of one cell; every fifth is one of spheres [default: 2500, with --quick 24]
+    /// Cases of one cell; every fifth is one of spheres [default: 2500, with --quick 24]; scenes of `shortcuts` [default: 40, with --quick 2]
     #[arg(long, value_name = "N")]
     pub(crate) cases: Option<u64>,
     /// Small scenes of finite elements [default: 12, with --quick 2, with filters or --set 0]
@@ -46,6 +46,12 @@ pub(crate) struct Options {
 }
 
 impl Options {
+    /// Whose options are given besides the seed, the number of cases and the scene; `None` if none are.
+    pub(crate) fn other_than_seed_and_scenes(&self) -> Option<&'static str> {
+        let others = Self { seed: None, cases: None, scene: None, ..self.clone() };
+        (!others.is_plain()).then_some("`bench stability` alone")
+    }
+
     /// Whether none is given.
     pub(crate) fn is_plain(&self) -> bool {
         let Self {

@@ -143,6 +143,7 @@ impl Scene {
         problem.initial = initial_state(&document, &file.initial_stress)?;
         problem.pore_fluid = pore_fluid;
         problem.observables = observables;
+        problem.keeps_still_points = !file.rve.relax_zero_increments;
         problem.symmetric_stresses =
             materials.definitions.iter().all(|definition| definition.contact().rotations == Rotations::Free);
         problem.strain_per_step = materials.definitions[0].options().strain_per_step();

@@ -16,7 +16,7 @@ const ERROR_SHARE: f64 = 0.35;
 
 /// What is expected of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Range {
+pub(crate) enum Range {
     /// Parameters that people use every day: the solver has to bring all increments to rest.
     Everyday,
     /// Away from everything that the solver was tuned on.
@@ -94,7 +94,7 @@ fn sampled_slot(range: Range, dimension: u32, kind: Kind, slots: &[Slot], stream
 
 /// The law that the packing was made with, so that its forces are those of the file, with other tangential springs, friction
 /// and extensions.
-pub(super) fn sampled_contact(range: Range, slot: &Slot, stream: &mut RandomStream) -> ContactTable {
+pub(crate) fn sampled_contact(range: Range, slot: &Slot, stream: &mut RandomStream) -> ContactTable {
     let mut contact = slot.contact.clone();
     let is_everyday = range == Range::Everyday;
     contact.friction = match range {
@@ -157,7 +157,7 @@ fn sampled_accuracy(range: Range, slot: &Slot, stream: &mut RandomStream) -> Rve
 }
 
 /// An error of the stress over the pressure, around the 5e-3 that scenes keep to by default.
-pub(super) fn sampled_error(stream: &mut RandomStream) -> f64 {
+pub(crate) fn sampled_error(stream: &mut RandomStream) -> f64 {
     stream.decades(1e-3, 1e-2)
 }
 

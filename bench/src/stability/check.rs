@@ -61,7 +61,7 @@ impl Checked {
 /// Largest accepted difference at the end of a test, over the mean pressure of its path: by default what 400 discs on a biaxial
 /// path are apart from slow runs up to 2.4 % of strain (docs/lab-book/verification.md), more in drafts and less in tight ones. An error
 /// that is asked for stands between the first two: with 5e-3 the strain per step is that of drafts, with 1e-3 that of the default.
-pub(super) fn bound(options: &RveOptions) -> f64 {
+pub(crate) fn bound(options: &RveOptions) -> f64 {
     match (options.error, options.accuracy) {
         (Some(error), _) => (10.0 * error).clamp(0.03, 0.05),
         (None, Accuracy::Draft) => 0.05,

@@ -1,15 +1,15 @@
 //! A campaign of seeded random cases that tests the grain solver and the coupled solver outside the range they were tuned for.
 
 mod campaign;
-mod case;
-mod check;
+pub(crate) mod case;
+pub(crate) mod check;
 mod dampings;
 mod groups;
 mod ledger;
 mod outcome;
-mod packings;
+pub(crate) mod packings;
 mod path;
-mod random_stream;
+pub(crate) mod random_stream;
 mod restless;
 mod scenes;
 mod single;

@@ -60,19 +60,19 @@ struct Sort {
 
 /// One packing of the campaign, by what makes it.
 #[derive(Clone, Debug)]
-pub(super) struct Slot {
+pub(crate) struct Slot {
     /// Name in tables.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// 2 or 3.
-    pub(super) dimension: u32,
+    pub(crate) dimension: u32,
     /// Grains.
-    pub(super) number: usize,
+    pub(crate) number: usize,
     /// Whether everyday cases may use it.
-    pub(super) is_everyday: bool,
+    pub(crate) is_everyday: bool,
     /// The law it is made with.
-    pub(super) contact: ContactTable,
+    pub(crate) contact: ContactTable,
     /// The pressure it is at rest under, Pa.
-    pub(super) pressure: f64,
+    pub(crate) pressure: f64,
     source: Source,
 }
 
@@ -86,7 +86,7 @@ enum Source {
 ///
 /// # Errors
 /// None in a sound build: a shipped recipe cannot be read.
-pub(super) fn slots(seed: u64) -> anyhow::Result<Vec<Slot>> {
+pub(crate) fn slots(seed: u64) -> anyhow::Result<Vec<Slot>> {
     let mut slots = Vec::new();
     for Shipped { name, packing, recipe } in &SHIPPED {
         let recipe = PackingRecipe::from_toml(recipe).with_context(|| format!("the recipe of {name}"))?;
@@ -193,7 +193,7 @@ impl Slot {
     ///
     /// # Errors
     /// The recipe finds no packing.
-    pub(super) fn packing(&self) -> anyhow::Result<Packing> {
+    pub(crate) fn packing(&self) -> anyhow::Result<Packing> {
         match &self.source {
             Source::Shipped(text) => {
                 let made = if self.dimension == 2 {

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// Purpose of a stream of random numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Purpose {
+pub(crate) enum Purpose {
     /// The case of this number.
     Case(u64),
     /// The packing of this number.
@@ -14,14 +14,16 @@ pub(super) enum Purpose {
     Check(u64),
     /// The small scene of this number.
     Scene(u64),
+    /// The scene of this number that is run with and without shortcuts.
+    Shortcuts(u64),
 }
 
 /// A stream of random numbers.
-pub(super) struct RandomStream(ChaCha8Rng);
+pub(crate) struct RandomStream(ChaCha8Rng);
 
 impl RandomStream {
     /// The stream of a campaign's seed for one purpose.
-    pub(super) fn new(seed: u64, purpose: Purpose) -> Self {
+    pub(crate) fn new(seed: u64, purpose: Purpose) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         // The lowest bits tell the purposes apart: no two share a stream.
         random.set_stream(match purpose {
@@ -29,42 +31,44 @@ impl RandomStream {
             Purpose::Packing(number) => 4 * number + 1,
             Purpose::Check(number) => 4 * number + 2,
             Purpose::Scene(number) => 4 * number + 3,
+            // From the other end: campaigns keep their cases.
+            Purpose::Shortcuts(number) => u64::MAX - number,
         });
         Self(random)
     }
 
     /// A number in [0, 1).
-    pub(super) fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 * 2f64.powi(-53)
     }
 
     /// A number between two others.
-    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
     /// A positive number between two others, evenly in its logarithm.
-    pub(super) fn decades(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn decades(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
     }
 
     /// Whether something of this probability happens.
-    pub(super) fn chance(&mut self, probability: f64) -> bool {
+    pub(crate) fn chance(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }
 
     /// A whole number below `count`.
-    pub(super) fn below(&mut self, count: usize) -> usize {
+    pub(crate) fn below(&mut self, count: usize) -> usize {
         ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
     }
 
     /// One of several things.
-    pub(super) fn pick<T: Copy>(&mut self, things: &[T]) -> T {
+    pub(crate) fn pick<T: Copy>(&mut self, things: &[T]) -> T {
         things[self.below(things.len())]
     }
 
     /// One of several things with their weights.
-    pub(super) fn weighed<T: Copy>(&mut self, things: &[(f64, T)]) -> T {
+    pub(crate) fn weighed<T: Copy>(&mut self, things: &[(f64, T)]) -> T {
         let mut place = self.unit() * things.iter().map(|(weight, _)| weight).sum::<f64>();
         for (weight, thing) in things {
             if place < *weight {
@@ -76,12 +80,12 @@ impl RandomStream {
     }
 
     /// 1 or -1.
-    pub(super) fn sign(&mut self) -> f64 {
+    pub(crate) fn sign(&mut self) -> f64 {
         if self.chance(0.5) { 1.0 } else { -1.0 }
     }
 
     /// A seed for another generator; small enough for every integer of TOML and JSON.
-    pub(super) fn seed(&mut self) -> u64 {
+    pub(crate) fn seed(&mut self) -> u64 {
         self.0.next_u64() >> 32
     }
 }
@@ -100,6 +104,7 @@ mod tests {
             first(1, Purpose::Packing(0)),
             first(1, Purpose::Check(0)),
             first(1, Purpose::Scene(0)),
+            first(1, Purpose::Shortcuts(0)),
         ];
         for (place, one) in streams.iter().enumerate() {
             assert!(streams[..place].iter().all(|other| other != one), "{place}");

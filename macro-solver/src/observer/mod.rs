@@ -121,7 +121,7 @@ pub struct StepReport {
     pub iterations: usize,
     /// Point evaluations of this step, failed attempts included.
     pub evaluations: u64,
-    /// Evaluations saved because a target had not changed in any bit.
+    /// Evaluations saved because a target had not changed in any bit, or a point stood still.
     pub skipped: u64,
     /// Failed attempts before this step.
     pub cut_backs: usize,
@@ -376,6 +376,8 @@ pub struct Statistics {
     pub skipped: u64,
     /// Force evaluations of the replies that were kept instead.
     pub skipped_force_evaluations: u64,
+    /// Evaluations saved because a step did not deform the point.
+    pub still_points: u64,
     /// Failed attempts.
     pub cut_backs: u64,
     /// Point evaluations of attempts that were taken back.

@@ -93,6 +93,9 @@ pub struct Problem {
     /// Whether stresses are symmetric, because moments balance on every grain: not where rotations are blocked. Where they should be, others
     /// count as defects of an engine.
     pub symmetric_stresses: bool,
+    /// Whether a point that a step does not deform keeps its committed stress unasked, unless a tangent is wanted: what an engine that answers
+    /// increments of exactly zero by its committed state would reply, but for round-off.
+    pub keeps_still_points: bool,
     /// Fluid in the pores that cannot drain; `None`: pores are dry, or drain freely.
     pub pore_fluid: Option<PoreFluid>,
 }
@@ -112,6 +115,7 @@ impl Problem {
             strain_per_step: 0.0,
             error_control: None,
             symmetric_stresses: true,
+            keeps_still_points: true,
             pore_fluid: None,
         }
     }

@@ -88,7 +88,7 @@ impl Counters {
     pub(super) fn of(statistics: &Statistics) -> Self {
         Self {
             evaluations: statistics.evaluations,
-            skipped: statistics.skipped,
+            skipped: statistics.skipped + statistics.still_points,
             cut_backs: 0,
             stabilisation_increments: 0,
             committed_iterates: 0,

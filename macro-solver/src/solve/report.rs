@@ -44,7 +44,7 @@ impl Solver<'_> {
             size: state.step_size,
             iterations: state.iterations,
             evaluations: self.statistics.evaluations - before.evaluations,
-            skipped: self.statistics.skipped - before.skipped,
+            skipped: self.statistics.skipped + self.statistics.still_points - before.skipped,
             cut_backs: before.cut_backs,
             stabilisation_increments: before.stabilisation_increments,
             committed_iterates: before.committed_iterates,

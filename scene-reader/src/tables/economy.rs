@@ -11,8 +11,8 @@ pub(crate) struct EconomyTable {
     pub(crate) unchanged_targets: bool,
     /// Whether trials of one evaluation that are equal in every bit of state, target and options are solved once. Exact.
     pub(crate) duplicate_trials: bool,
-    /// Whether an increment of exactly zero is answered by the committed state as it is. When switched off, the grains are relaxed once
-    /// more, which changes the stress by less than the tolerance of the grain solver.
+    /// Whether an increment of exactly zero is answered by the committed state as it is, unasked unless a tangent is wanted. When switched off,
+    /// the grains are relaxed once more, which changes the stress by less than the tolerance of the grain solver.
     pub(crate) zero_increments: bool,
 }
 

@@ -69,11 +69,12 @@ pub(super) fn shortcuts(
         force_evaluations_saved: pool.duplicate_force_evaluations,
         ..Shortcut::default()
     };
+    let still = flags.null_targets + statistics.still_points;
     let zero_increments = Shortcut {
         enabled: allowed.zero_increments,
-        count: flags.null_targets,
-        of: evaluations,
-        force_evaluations_saved: FEWEST_EVALUATIONS * flags.null_targets,
+        count: still,
+        of: evaluations + statistics.still_points,
+        force_evaluations_saved: FEWEST_EVALUATIONS * still,
         error: bound(allowed.zero_increments, allowed.tolerance),
         ..Shortcut::default()
     };

@@ -70,7 +70,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
     let skips = [
         statistics.skipped,
         pool.duplicates_skipped,
-        flags.null_targets,
+        flags.null_targets + statistics.still_points,
         flags.elastic_increments,
         flags.event_increments,
         statistics.idle_steps,

@@ -23,7 +23,7 @@ struct TrialMotion {
 pub(crate) struct EvaluationCounts {
     /// Points evaluated.
     pub(crate) evaluated: u64,
-    /// Points whose last result stayed valid.
+    /// Points whose last result stayed valid: their target had not changed, or they stand still.
     pub(crate) skipped: u64,
 }
 
@@ -67,11 +67,15 @@ impl Points {
         answers: impl FnOnce(&mut Self, &mut [PointTrial], &mut Statistics) -> Result<Vec<TrialResult>, MaterialError>,
     ) -> Result<EvaluationCounts, Failure> {
         let mut trials = Vec::with_capacity(gradients.len());
+        let mut still = 0;
         let seen = self.average_strains(gradients)?;
         for (number, (point, gradient)) in self.points.iter_mut().zip(gradients).enumerate() {
-            let is_held = seen.is_none() && point.held.as_ref() == Some(gradient);
             let strain = seen.as_ref().map(|seen| seen[number]);
-            if self.keep_unchanged && (is_held || point.rests(gradient, strain, tangent)) {
+            if self.keep_still && point.rests(gradient, strain, tangent) {
+                still += 1;
+                continue;
+            }
+            if self.keep_unchanged && seen.is_none() && point.holds(gradient, tangent) {
                 let kept = point.answer.as_ref().map_or(0, |answer| answer.cost.force_evaluations);
                 statistics.skipped_force_evaluations += kept;
                 continue;
@@ -93,7 +97,8 @@ impl Points {
         }
         let counts =
             EvaluationCounts { evaluated: trials.len() as u64, skipped: (gradients.len() - trials.len()) as u64 };
-        statistics.skipped += counts.skipped;
+        statistics.skipped += counts.skipped - still;
+        statistics.still_points += still;
         if trials.is_empty() {
             return Ok(counts);
         }
@@ -202,7 +207,7 @@ impl Points {
             }
             self.points[trial.point].response = response;
         }
-        self.points[trial.point].hold(formulation, gradient, answer);
+        self.points[trial.point].hold(formulation, gradient, trial.options.tangent, answer);
         Ok(())
     }
 

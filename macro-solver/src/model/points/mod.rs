@@ -38,6 +38,7 @@ pub(crate) struct Points {
     /// Whether carried secant corrections are in use: not while iterations do not contract.
     secants_hold: bool,
     keep_unchanged: bool,
+    keep_still: bool,
     neighbours: Option<NonlocalLayer>,
     /// Of stages whose stiffness is needed.
     coupling: Option<Arc<Coupling>>,
@@ -68,6 +69,7 @@ impl Points {
             secant: secant_of(&problem.stages[0]),
             secants_hold: true,
             keep_unchanged: strategy.keep_unchanged,
+            keep_still: problem.keeps_still_points,
             neighbours: None,
             coupling: None,
             strains: Vec::new(),

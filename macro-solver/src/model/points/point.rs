@@ -36,8 +36,8 @@ pub(crate) struct Point {
     pub(super) ramp_steps: u32,
     /// Share by which the friction of the coming evaluations is below that of the definition.
     pub(super) friction_reduction: f64,
-    /// Gradient of the latest evaluation, as long as that is valid.
-    pub(super) held: Option<Matrix3<f64>>,
+    /// Gradient of the latest evaluation and the tangent that came with it, as long as they are valid.
+    pub(super) held: Option<(Matrix3<f64>, TangentKind)>,
     pub(super) last_sample: Option<Sample>,
     /// Carried secant corrections of the moduli.
     pub(super) correction: Option<Box<Operator>>,
@@ -130,10 +130,21 @@ impl Point {
             && self.trial_deformation == self.deformation
     }
 
-    /// Records the result for the step gradient `gradient`.
-    pub(super) fn hold(&mut self, formulation: Formulation, gradient: &Matrix3<f64>, answer: TrialResult) {
+    /// Whether the latest evaluation answers this gradient, with the tangent that is wanted.
+    pub(super) fn holds(&self, gradient: &Matrix3<f64>, tangent: TangentKind) -> bool {
+        self.held.is_some_and(|(held, came)| held == *gradient && (tangent == TangentKind::None || tangent == came))
+    }
+
+    /// Records the result for the step gradient `gradient` and the `tangent` that was asked for with it.
+    pub(super) fn hold(
+        &mut self,
+        formulation: Formulation,
+        gradient: &Matrix3<f64>,
+        tangent: TangentKind,
+        answer: TrialResult,
+    ) {
         self.trial_deformation = formulation.deformation(&self.deformation, gradient);
-        self.held = Some(*gradient);
+        self.held = Some((*gradient, tangent));
         self.answer = Some(answer);
     }
 }

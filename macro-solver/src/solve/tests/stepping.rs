@@ -4,9 +4,9 @@ use super::*;
 use crate::formulation::Formulation;
 use crate::material::damage::{DamageLaw, DamageMaterial};
 use crate::observer::Outcome;
-use crate::problem::{Amplitude, Applied, MultiPointConstraint, Platen, Predictor, SecantSettings};
+use crate::problem::{Amplitude, Applied, MultiPointConstraint, Platen, Predictor, SecantSettings, TangentUpdate};
 use claims::Claim;
-use protocol::{RveError, Tensor2};
+use protocol::{RveError, TangentKind, Tensor2};
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -183,11 +183,47 @@ fn unchanged_targets_are_skipped_without_changing_a_bit() {
     problem.stages[0].conditions.extend(still);
     let (thrifty, kept) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     problem.stages[0].strategy.keep_unchanged = false;
+    problem.keeps_still_points = false;
     let (lavish, solved) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     assert_eq!((stresses(&kept), &kept.displacements), (stresses(&solved), &solved.displacements));
-    assert!(thrifty.statistics.skipped > 0 && lavish.statistics.skipped == 0);
-    assert_eq!(thrifty.statistics.evaluations + thrifty.statistics.skipped, lavish.statistics.evaluations);
+    let skipped = |run: &Run| run.statistics.skipped + run.statistics.still_points;
+    assert!(thrifty.statistics.still_points > 0 && skipped(&lavish) == 0);
+    assert_eq!(thrifty.statistics.evaluations + skipped(&thrifty), lavish.statistics.evaluations);
     assert_eq!(thrifty.statistics.evaluations_per_point.iter().sum::<u64>(), thrifty.statistics.evaluations);
+}
+
+/// A second block whose every node is prescribed has the same target at every iterate: it is asked again when a tangent is wanted for the
+/// first time in the step. It kept the reply without one, and with it the tangent of an earlier step.
+#[test]
+fn a_kept_reply_without_a_tangent_does_not_stand_for_one() {
+    let mut problem = compression(-0.4);
+    let first = problem.mesh.nodes.len();
+    problem.mesh.nodes.extend([[5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 1.0, 0.0], [5.0, 1.0, 0.0]]);
+    problem.mesh.nodes.extend([[5.5, 0.0, 0.0], [6.0, 0.5, 0.0], [5.5, 1.0, 0.0], [5.0, 0.5, 0.0]]);
+    problem.mesh.elements.push((first..first + 8).collect());
+    problem.mesh.kinds.push(problem.mesh.kinds[0]);
+    let sets = [("low", vec![0, 1, 4]), ("middle", vec![5, 7]), ("high", vec![2, 3, 6])];
+    for ((name, nodes), share) in sets.into_iter().zip([0.0, 0.5, 1.0]) {
+        problem.mesh.node_sets.insert(name.into(), nodes.into_iter().map(|node| first + node).collect());
+        problem.stages[0].conditions.push(Condition::fixed(name, Axis::X).into());
+        let sinks = Condition::Displacement { nodes: name.into(), axis: Axis::Y, value: -0.1 * share };
+        problem.stages[0].conditions.push(sinks.into());
+    }
+    problem.stages[0].strategy.tangent_update = TangentUpdate::SecondIterate;
+    let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+    run(&problem, &mut spy);
+    let free = problem.point_count() - problem.mesh.kinds[0].point_count();
+    let mut asked = 0;
+    for trials in &spy.trials {
+        let tangents = |is_prescribed: bool| -> usize {
+            let wanted = |trial: &&PointTrial| trial.options.tangent != TangentKind::None;
+            let of = trials.iter().filter(wanted).filter(|trial| (trial.point >= free) == is_prescribed).count();
+            of / if is_prescribed { problem.mesh.kinds[0].point_count() } else { free }
+        };
+        assert_eq!(tangents(true), tangents(false).min(1));
+        asked += tangents(true);
+    }
+    assert!(asked > 0);
 }
 
 /// The number of ramp increments of a point is one number per step, from its predicted strain.
