@@ -280,11 +280,9 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             answer = next;
         }
         let (steps, error) = (self.limits.increments, self.stress_error(&answer.stress));
-        // Recipes name their tolerances; other callers have none that a user could change.
-        let remedy = if steps == MOST_INCREMENTS { "; loosen tolerance or stress_tolerance" } else { "" };
         Err(PackingError::Content(format!(
             "the stress did not reach the target in {steps} servo steps: it is off by {error:.1e} of the pressure, and unbalanced forces are \
-             {:.1e} of the mean contact force{remedy}",
+             {:.1e} of the mean contact force",
             answer.scalars.unbalanced_force_ratio
         )))
     }

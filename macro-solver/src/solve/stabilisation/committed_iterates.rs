@@ -12,7 +12,8 @@
 use crate::model::failure::failure;
 use crate::observer::Outcome;
 use crate::solve::accepted::{Counters, Followed, Unfinished};
-use crate::solve::driver::{Session, Solver};
+use crate::solve::driver::{Session, Solver, is_smallest};
+use crate::solve::stabilisation::path::FEW_WITHOUT_GAIN;
 
 impl Solver<'_> {
     /// Takes a step on to the share `target` of the path from an iterate, which the material has evaluated last; `before` are the
@@ -30,6 +31,10 @@ impl Solver<'_> {
         let reason = format!("{iterations} iterations did not contract: out-of-balance {force_ratio:.2e}");
         let mut path = self.stabilised_path(settings.viscosity, target, reason);
         (path.viscosity, path.iterations) = (0.0, *iterations);
+        // Smaller steps are not stabilised before one of full size has succeeded, but for a few increments.
+        if self.stabilised_in_vain && !is_smallest(target - self.stage_fraction, self.stage().control.min) {
+            path.most_without_gain = FEW_WITHOUT_GAIN;
+        }
         path.event.largest_imbalance = *force_ratio;
         let after = self.constraints.restrict(&self.balance.residual());
         let committed = self.commit_part(&mut path, increment, target, &after, session);

@@ -197,16 +197,22 @@ impl Solver<'_> {
         let mut last = String::new();
         // The number of increments in which loads move follows from the cap; those at fixed loads are limited.
         let (mut at_fixed_loads, least_advance) = (0, LEAST_ADVANCE * (target - self.stage_fraction));
+        let (mut least, mut without_gain) = (f64::INFINITY, 0);
         for iteration in path.iterations + 1.. {
-            if at_fixed_loads == settings.most_increments {
+            if at_fixed_loads == settings.most_increments || without_gain == path.most_without_gain {
                 break;
             }
             path.limit_plain_increments();
             self.statistics.iterations += 1;
             let from = path.stage_fraction;
             let force_ratio = self.try_increment(path, target, iteration, session)?;
-            at_fixed_loads +=
-                usize::from(path.stage_fraction >= target || path.stage_fraction - from < least_advance);
+            let is_fixed = path.stage_fraction >= target || path.stage_fraction - from < least_advance;
+            at_fixed_loads += usize::from(is_fixed);
+            // Loads that move bring force of their own.
+            (least, without_gain) = match is_fixed && force_ratio >= path::GAIN * least {
+                true => (least, without_gain + 1),
+                false => (if is_fixed { force_ratio } else { f64::INFINITY }, 0),
+            };
             last = format!("out-of-balance {force_ratio:.2e}");
             if path.stage_fraction < target {
                 continue;
@@ -241,8 +247,12 @@ impl Solver<'_> {
             last = format!("{last}, correction {:.2e}", measures.displacement);
             path.viscosity = 0.0;
         }
-        let most = settings.most_increments;
-        Err(Failure::Attempt(format!("no equilibrium after {most} increments of viscous stabilisation: {last}")))
+        Err(Failure::Attempt(match without_gain == path.most_without_gain {
+            true => format!(
+                "no equilibrium by viscous stabilisation: {at_fixed_loads} increments at fixed loads, the last {without_gain} of them without gain: {last}"
+            ),
+            false => format!("no equilibrium after {at_fixed_loads} increments of viscous stabilisation: {last}"),
+        }))
     }
 
     /// One increment; the out-of-balance ratio after it. It has been rejected if the path has backtracks then.
