@@ -12,7 +12,7 @@
 use crate::model::failure::failure;
 use crate::observer::Outcome;
 use crate::solve::accepted::{Counters, Followed, Unfinished};
-use crate::solve::driver::{Session, Solver, is_smallest};
+use crate::solve::driver::{Session, Solver};
 use crate::solve::stabilisation::path::FEW_WITHOUT_GAIN;
 
 impl Solver<'_> {
@@ -32,8 +32,8 @@ impl Solver<'_> {
         let mut path = self.stabilised_path(settings.viscosity, target, reason);
         (path.viscosity, path.iterations) = (0.0, *iterations);
         // Smaller steps are not stabilised before one of full size has succeeded, but for a few increments.
-        if self.stabilised_in_vain && !is_smallest(target - self.stage_fraction, self.stage().control.min) {
-            path.most_without_gain = FEW_WITHOUT_GAIN;
+        if self.stabilised_in_vain && path.most_without_gain.is_some() {
+            path.most_without_gain = Some(FEW_WITHOUT_GAIN);
         }
         path.event.largest_imbalance = *force_ratio;
         let after = self.constraints.restrict(&self.balance.residual());

@@ -27,7 +27,7 @@ use crate::model::failure::{Failure, failure};
 use crate::model::points::Points;
 use crate::observer::{AttemptCost, Outcome, Stabilised as Event};
 use crate::problem::Stabilisation;
-use path::StabilisedPath;
+use path::{MOST_WITHOUT_GAIN, StabilisedPath};
 
 /// Growth of the out-of-balance force at which an increment is rejected and made smaller.
 const LARGEST_GROWTH: f64 = 2.0;
@@ -182,7 +182,12 @@ impl Solver<'_> {
             work: 0.0,
             reason,
         };
-        StabilisedPath::new(&self.body, self.points.all().len(), viscosity, self.stage_fraction, event)
+        let mut path =
+            StabilisedPath::new(&self.body, self.points.all().len(), viscosity, self.stage_fraction, event);
+        if !is_smallest(target - self.stage_fraction, self.stage().control.min) {
+            path.most_without_gain = Some(MOST_WITHOUT_GAIN);
+        }
+        path
     }
 
     /// Follows the path to a balanced state at the share `target` of the stage's path, which is settled then. Increments are
@@ -199,7 +204,7 @@ impl Solver<'_> {
         let (mut at_fixed_loads, least_advance) = (0, LEAST_ADVANCE * (target - self.stage_fraction));
         let (mut least, mut without_gain) = (f64::INFINITY, 0);
         for iteration in path.iterations + 1.. {
-            if at_fixed_loads == settings.most_increments || without_gain == path.most_without_gain {
+            if at_fixed_loads == settings.most_increments || path.most_without_gain == Some(without_gain) {
                 break;
             }
             path.limit_plain_increments();
@@ -247,7 +252,7 @@ impl Solver<'_> {
             last = format!("{last}, correction {:.2e}", measures.displacement);
             path.viscosity = 0.0;
         }
-        Err(Failure::Attempt(match without_gain == path.most_without_gain {
+        Err(Failure::Attempt(match path.most_without_gain == Some(without_gain) {
             true => format!(
                 "no equilibrium by viscous stabilisation: {at_fixed_loads} increments at fixed loads, the last {without_gain} of them without gain: {last}"
             ),

@@ -27,9 +27,9 @@ const BACKTRACK_FACTOR: f64 = 4.0;
 /// Share of the least out-of-balance force so far that one below it counts as a gain.
 pub(super) const GAIN: f64 = 0.9;
 
-/// Increments at fixed loads in a row without a gain after which a path is given up: nothing comes of it. Of 169 paths that have come to an
-/// equilibrium none went longer than 97 without one.
-const MOST_WITHOUT_GAIN: usize = 120;
+/// Increments at fixed loads in a row without a gain after which a path is given up: nothing comes of it, and a smaller step may do better. Of
+/// 169 paths that have come to an equilibrium none went longer than 97 without one. The smallest step is the last resort, and has no such limit.
+pub(super) const MOST_WITHOUT_GAIN: usize = 120;
 
 /// The same for a step that goes on from a committed iterate where a larger one has been stabilised in vain: 149 of these paths have done with it.
 pub(super) const FEW_WITHOUT_GAIN: usize = 20;
@@ -52,8 +52,8 @@ pub(super) struct StabilisedPath {
     pub(super) backtracks: usize,
     /// Rejected increments since the out-of-balance force last fell markedly.
     pub(super) rejections: usize,
-    /// Increments at fixed loads in a row without a gain after which it is given up.
-    pub(super) most_without_gain: usize,
+    /// Increments at fixed loads in a row without a gain after which it is given up; `None`: never.
+    pub(super) most_without_gain: Option<usize>,
     /// Share of the stage's path that supports and loads have reached.
     pub(super) stage_fraction: f64,
     /// Change of the displacements so far, m, by degree of freedom.
@@ -82,7 +82,7 @@ impl StabilisedPath {
             iterations: 0,
             backtracks: 0,
             rejections: 0,
-            most_without_gain: MOST_WITHOUT_GAIN,
+            most_without_gain: None,
             stage_fraction,
             increment: body.zero(),
             gradients: vec![Matrix3::zeros(); points],
