@@ -46,6 +46,7 @@ _FALLS_SHORT = {
     "relaxed_increments": "in which the cell had snapped and came to the stress that is kept by itself",
     "no_load": "without load-bearing contacts",
     "large_overlap": "with overlaps above 10 %",
+    "negative_void_ratio": "whose grains have more volume than their cell",
 }
 
 
@@ -53,6 +54,7 @@ _FALLS_SHORT = {
 _OF_PACKING = {
     "settled": "the packing was not at rest under this contact law and was brought to rest before the first increment",
     "begins_with_motion": "the packing was not at rest under this contact law: the first increment begins with its motion",
+    "far_from_targets": "the stress of the packing and the first stresses of the path differ more than tenfold: check units, thickness and modulus",
 }
 
 

@@ -10,7 +10,9 @@ use crate::stdout::{deliver, expect_place, print};
 use crate::workers::SignalWatch;
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
-use rve_server::programs::rve_test::{ElementCsv, ElementRow, ElementSummary, RowRequests, run_element_on};
+use rve_server::programs::rve_test::{
+    ElementCsv, ElementRow, ElementSummary, RowRequests, run_element_on, start_warnings,
+};
 use scene_reader::{Document, InputError, Kind, read_element_test};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -118,6 +120,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let mut done = 0;
     progress_line.set(format!("row 0 of {expected}"));
     let end = run_element_on(&test, packing, requests, &mut |row| {
+        if row.increment == 0 {
+            start_warnings(&test, row).iter().for_each(|text| progress_line.say(format_args!("warning: {text}")));
+        }
         rows.add(row);
         rows.draw(row, arguments.contacts.as_deref());
         done += 1;

@@ -50,6 +50,14 @@ impl WaitingProgress {
         thread.map_or(Shown::Nothing, |thread| Shown::Lines { message, stop: Some(stop), thread: Some(thread) })
     }
 
+    /// Says something that stays; a moving line makes way for it.
+    pub(crate) fn say(&self, text: impl std::fmt::Display) {
+        match &self.0 {
+            Shown::Bar(bar) => bar.suspend(|| tell(text)),
+            Shown::Lines { .. } | Shown::Nothing => tell(text),
+        }
+    }
+
     /// Sets the text that is shown.
     pub(crate) fn set(&self, text: String) {
         match &self.0 {

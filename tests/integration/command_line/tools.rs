@@ -44,6 +44,26 @@ fn an_element_test_has_the_promised_columns_and_equal_bytes() {
     assert!((last[19] + last[21] - 1.0).abs() < 1e-14, "the trace of the fabric");
 }
 
+/// A modulus a thousand times that of the packing: the stress of row 0 is, too, and the path begins with what the packing was made for.
+#[test]
+fn an_element_test_says_at_once_that_its_packing_and_its_path_do_not_match() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = element_test(folder.path());
+    let said = |settings: &[&str]| {
+        let output = grainspan(&[&["element", &test], settings].concat());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let text = said(&["--set", "contact.modulus=1e11"]);
+    let warning = "warning: the packing has sigma_xx = -";
+    assert!(text.contains(warning) && text.contains("contact.modulus or normal_stiffness"), "{text}");
+    let counted = "differ more than tenfold (units, thickness, modulus?): 1 rows";
+    assert!(text.contains(counted), "{text}");
+    let text = said(&["--sweep", "contact.modulus=1e8,1e11"]);
+    assert!(text.contains(counted), "{text}");
+    let text = said(&[]);
+    assert!(!text.contains("warning") && text.contains("fallbacks: none"), "{text}");
+}
+
 /// What is found only when the cell is made: a table of an earlier test was emptied.
 #[test]
 fn a_test_that_cannot_begin_leaves_an_earlier_table_alone() {

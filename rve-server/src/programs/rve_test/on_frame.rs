@@ -1,9 +1,10 @@
 //! RVE tests on a frame: strains prescribed, stresses found by a secant search.
 
 use super::error::{ElementError, SMALLER_STEPS};
-use super::path::{COMPONENTS, Operator, by_gradient};
+use super::path::{COMPONENTS, Operator, by_gradient, tensor_of};
 use super::requests::RowRequests;
 use super::row::ElementRow;
+use super::start_check::is_far_from_targets;
 use super::step::{LEAST_SHARE, raised_level};
 use super::stress_control::StressControl;
 use super::stress_relaxation::{LARGEST_JUMP, MOST_RELAXED, Relaxation, STEPS_BEFORE_NEAREST, is_out_of_range};
@@ -53,13 +54,14 @@ pub(super) fn run_frame_element(
         Err(error) => return error.into(),
     };
     let first = cell.observe(Observables::ALL);
+    let far_from_targets = u64::from(is_far_from_targets(test, &tensor_of(&first.stress.0)));
     let mut run = Run {
         stress: flat(&first.stress.plane()),
         cell,
         stress_tolerance: test.stress_tolerance,
         stress_level: 0.0,
         deformation: plane::IDENTITY,
-        summary: ElementSummary::default(),
+        summary: ElementSummary { far_from_targets, ..ElementSummary::default() },
         work: None,
         last_control: StressControl::None,
         missed: [None; 4],

@@ -6,6 +6,7 @@ use super::on_frame::run_frame_element;
 use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, flat, tensor_of};
 use super::requests::RowRequests;
 use super::row::ElementRow;
+use super::start_check::is_far_from_targets;
 use super::step::{Step, raised_level};
 use super::stress_control::StressControl;
 use super::summary::{ElementEnd, ElementSummary};
@@ -174,7 +175,7 @@ impl<S: SolverFor> Run<S> {
         test: &ElementTest,
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> Result<(), ElementError> {
-        if self.begin(on_row).map_err(ElementError::Definition)?.is_break() {
+        if self.begin(test, on_row).map_err(ElementError::Definition)?.is_break() {
             return Ok(());
         }
         // Where stresses are controlled, the search for them takes the grains to rest.
@@ -202,7 +203,11 @@ impl<S: SolverFor> Run<S> {
         Ok(())
     }
 
-    fn begin(&mut self, on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>) -> Result<ControlFlow<()>, RveError> {
+    fn begin(
+        &mut self,
+        test: &ElementTest,
+        on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>, RveError> {
         let answer = self.cell.observe(Observables::ALL)?;
         let network = self.cell.committed_network()?;
         self.work = PathWork::new(self.deformation, tensor_of(&answer.stress.0), network.volume());
@@ -217,6 +222,7 @@ impl<S: SolverFor> Run<S> {
         self.is_far_from_rest = self.cell.is_far_from_rest(&answer);
         let mut row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
         row.damping_work = Some(0.0);
+        self.summary.far_from_targets = u64::from(is_far_from_targets(test, &row.stress));
         Ok(self.deliver(row, on_row))
     }
 

@@ -39,6 +39,10 @@ pub struct ElementSummary {
     pub settled: u64,
     /// The same where the first increment controls a stress: it begins with the motion of the grains.
     pub begins_with_motion: u64,
+    /// Packings whose stress and the first stresses of the path differ by more than a factor of ten: 0 or 1.
+    pub far_from_targets: u64,
+    /// Rows whose grains have more volume than their cell.
+    pub negative_void_ratio: u64,
     /// Tangential forces of the packing that were not taken over.
     pub listed_forces: ListedForces,
 }
@@ -53,6 +57,7 @@ impl ElementSummary {
         self.no_load_bearing_contacts += u64::from(row.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS));
         self.damping_changed += u64::from(row.flags.contains(TrialFlags::DAMPING_CHANGED));
         self.large_overlap += u64::from(row.flags.contains(TrialFlags::LARGE_OVERLAP));
+        self.negative_void_ratio += u64::from(row.void_ratio < 0.0);
         if let Some(outcome) = &row.tangent {
             self.tangent_fallbacks += u64::from(outcome.fallback);
             self.tangent_regularised += u64::from(outcome.regularised);
@@ -68,7 +73,7 @@ impl ElementSummary {
     }
 
     /// All counts by the names that scripts know them by.
-    pub fn counts(&self) -> [(&'static str, u64); 16] {
+    pub fn counts(&self) -> [(&'static str, u64); 18] {
         [
             ("rows", self.rows),
             ("trials", self.trials),
@@ -85,6 +90,8 @@ impl ElementSummary {
             ("tangents_regularised", self.tangent_regularised),
             ("settled", self.settled),
             ("begins_with_motion", self.begins_with_motion),
+            ("far_from_targets", self.far_from_targets),
+            ("negative_void_ratio", self.negative_void_ratio),
             ("listed_forces_changed", self.listed_forces.changed() as u64),
         ]
     }
@@ -92,6 +99,11 @@ impl ElementSummary {
     /// What rows fell short of or took a shortcut by, in words, with the number of rows; those without any are left out.
     pub fn fallbacks(&self) -> Vec<(&'static str, u64)> {
         let all = [
+            (
+                "stress of the packing and the first stresses of the path differ more than tenfold (units, thickness, modulus?)",
+                self.far_from_targets,
+            ),
+            ("void ratio below zero", self.negative_void_ratio),
             ("packing not at rest under this contact law, brought to rest before the first increment", self.settled),
             (
                 "packing not at rest under this contact law, the first increment begins with its motion",
