@@ -322,6 +322,13 @@ fn closing(summary: &SpecimenSummary) -> String {
             100.0 * summary.largest_servo_error
         ));
     }
+    if summary.unbalanced_rows > 0 {
+        fallbacks.push(format!(
+            "not quasi-static in {} rows: an unbalanced force is above a tenth of the mean contact force, up to {:.2} of it; more `steps` make \
+             a stage slower",
+            summary.unbalanced_rows, summary.largest_unbalanced
+        ));
+    }
     if summary.energy_misses > 0 {
         fallbacks.push(format!(
             "energy not accounted for in {} rows, {:.1} % at most",

@@ -70,6 +70,7 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
             &mut summary.servo_misses,
             &mut summary.energy_misses,
             &mut summary.overlap_misses,
+            &mut summary.unbalanced_rows,
         ] {
             stream.count(count);
         }
@@ -78,6 +79,7 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
             &mut summary.largest_energy_error,
             &mut summary.largest_turnover,
             &mut summary.largest_overlap,
+            &mut summary.largest_unbalanced,
         ] {
             stream.number(number);
         }

@@ -22,12 +22,15 @@ mod fluctuation;
 #[cfg(test)]
 #[path = "../../../tests/support/gas.rs"]
 mod gas;
+mod glue_depth;
 mod numbering;
 mod profile;
 mod removal;
 mod results;
 mod rows;
 pub mod run;
+#[cfg(test)]
+mod servo_tests;
 #[cfg(test)]
 mod shear_tests;
 mod stage;

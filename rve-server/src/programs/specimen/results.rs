@@ -90,6 +90,10 @@ pub struct SpecimenSummary {
     pub servo_misses: u64,
     /// The largest such distance, over the mean target.
     pub largest_servo_error: f64,
+    /// Rows of stages without `until_balance`, with scaled masses, whose largest unbalanced force is above a tenth of the mean contact force.
+    pub unbalanced_rows: u64,
+    /// The largest such share in any of these stages' rows.
+    pub largest_unbalanced: f64,
     /// Rows that miss more than 1 % of the energy turned over.
     pub energy_misses: u64,
     /// Largest share of the energy turned over that was missing, or too much, at any check.

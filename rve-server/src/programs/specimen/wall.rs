@@ -15,7 +15,7 @@ pub enum WallDrive {
     Velocity(f64),
     /// So that the grains press on it with this force, N. The area that a stress refers to is the caller's.
     Force {
-        /// Force of the grains on the wall along its outward normal, N.
+        /// Elastic force of the grains on the wall along its outward normal, N: without that of contact viscosity.
         target: f64,
         /// Speed per force that is missing, relative to the wall's contact stiffness per second, dimensionless.
         gain: f64,
@@ -45,6 +45,9 @@ pub struct Wall<S: SpecimenSpace, C: ContactLaw<S>> {
     pub glued: Vec<u32>,
     /// Force of the grains on the wall and its glued layer at the last evaluation, N.
     pub force: S::Coordinates<f64>,
+    /// Part of the normal force that is contact viscosity, N, as [`Wall::normal_force`] counts it. The servo leaves it out: it answers the
+    /// wall's own velocity at once, so that a wall driven by it would chatter.
+    pub viscous_force: f64,
     /// Sum of the normal stiffnesses of its contacts and of those between its glued layer and free grains, N/m.
     pub stiffness: f64,
     velocity: f64,
@@ -74,6 +77,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
             slid: Tuple::zero(),
             glued: Vec::new(),
             force: Tuple::zero(),
+            viscous_force: 0.0,
             stiffness: 0.0,
             velocity: 0.0,
             damping_ratio,
@@ -114,7 +118,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         self.velocity = match self.drive {
             WallDrive::Velocity(velocity) => velocity,
             WallDrive::Force { target, gain, largest_speed } => {
-                let missing = target - self.normal_force();
+                let missing = target - (self.normal_force() - self.viscous_force);
                 // Without contacts there is no stiffness to judge by: approach at the largest speed.
                 let wanted = if self.stiffness > 0.0 {
                     gain * missing / (self.stiffness * step)
@@ -143,13 +147,17 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         self.travelled = 0.0;
     }
 
+    /// Distance of a grain's surface from the wall, m; negative if it touches.
+    pub(crate) fn gap(&self, grain: &Grain<S>) -> f64 {
+        grain.position.minus(self.point).dot(self.normal) - grain.radius
+    }
+
     /// Fixes the grains whose surface is nearer than `depth`, m, to the wall, except those that are `taken`, and marks them as such.
     /// Their contacts with the wall end; the energy stored in them, J, is returned.
     pub(crate) fn grip(&mut self, grains: &[Grain<S>], loads: &[Load<S>], depth: f64, taken: &mut [bool]) -> f64 {
         let mut stored = 0.0;
         for (index, grain) in grains.iter().enumerate() {
-            let gap = grain.position.minus(self.point).dot(self.normal) - grain.radius;
-            if taken[index] || gap >= depth {
+            if taken[index] || self.gap(grain) >= depth {
                 continue;
             }
             taken[index] = true;
@@ -209,6 +217,11 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         sums.sliding = sliding_grains;
     }
 
+    /// Viscous part of the normal forces of its own contacts, N.
+    pub(crate) fn viscous_force_of_contacts(&self) -> f64 {
+        self.slots.values().fold(0.0, |sum, slot| sum + slot.viscous_force)
+    }
+
     /// Contribution of each grain's contact with this wall to its stability bound.
     pub(crate) fn own_stiffnesses<'a>(
         &'a self,
@@ -233,7 +246,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         for vector in [&mut self.point, &mut self.glide, &mut self.slid, &mut self.force] {
             stream.numbers(vector.as_mut());
         }
-        for number in [&mut self.stiffness, &mut self.velocity, &mut self.travelled] {
+        for number in [&mut self.viscous_force, &mut self.stiffness, &mut self.velocity, &mut self.travelled] {
             stream.number(number);
         }
         let mut touching: Vec<u32> = self.slots.keys().copied().collect();

@@ -290,6 +290,18 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
         })
     }
 
+    /// Viscous part of the forces of a grain's contacts on it, N.
+    pub(crate) fn viscous_force(&self, grain: usize) -> S::Coordinates<f64> {
+        let members = &self.members[self.starts[grain] as usize..self.starts[grain + 1] as usize];
+        let touching = members.iter().filter(|member| self.touching[(**member >> 1) as usize]);
+        touching.fold(Tuple::zero(), |sum: S::Coordinates<f64>, member| {
+            let slot = &self.slots[(member >> 1) as usize];
+            // The dashpot pushes the origin grain back along the branch, and the end grain forwards.
+            let sign = if member & 1 == 1 { 1.0 } else { -1.0 };
+            slot.direction.scaled_plus(sign * slot.weight * slot.viscous_force, sum)
+        })
+    }
+
     /// All contact forces after a motion of `step` seconds; loads hold contact forces alone afterwards.
     pub fn evaluate(&mut self, step: f64) -> ContactSums {
         let (law, grains, images) = (&self.law, &self.grains, &self.images);

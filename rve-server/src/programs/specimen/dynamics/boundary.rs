@@ -55,6 +55,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         for wall in walls {
             stored += self.walls[wall].grip(&self.body.grains, &self.body.loads, depth, &mut self.driven);
         }
+        self.gather_viscous();
         self.contacts.elastic_energy -= stored;
         self.wall_work += self.kinetic_energy() - before - stored;
     }
@@ -125,6 +126,20 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
                 wall.force = wall.force.plus(self.body.loads[grain as usize].force);
                 wall.stiffness += self.body.stiffness_against_free(grain as usize, &self.driven);
             }
+        }
+    }
+
+    /// How much of what the walls bear is contact viscosity.
+    pub(super) fn gather_viscous(&mut self) {
+        if self.body.damping_ratio() == 0.0 {
+            return;
+        }
+        for wall in &mut self.walls {
+            let layer = wall
+                .glued
+                .iter()
+                .fold(0.0, |sum, grain| sum - self.body.viscous_force(*grain as usize).dot(wall.normal));
+            wall.viscous_force = wall.viscous_force_of_contacts() + layer;
         }
     }
 

@@ -240,6 +240,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
             wall.press(&self.body.grains, &self.masses, step, &mut self.body.loads, &mut self.contacts);
         }
         self.gather_glued();
+        self.gather_viscous();
         self.works[0] += self.contacts.dissipation;
         self.works[1] += self.contacts.viscous_work;
     }
