@@ -4,6 +4,7 @@ use super::waiting_progress::WaitingProgress;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
+use rve_server::contact::{HertzSprings, LawName, Springs};
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingProgress, PackingRecipe, PackingReport, Requirement, generate_any};
 use scene_reader::{Document, Kind};
@@ -80,7 +81,11 @@ pub(crate) struct SoftGrains {
 /// Grains so soft that the pressure would press them into one another, which is known before the first step.
 pub(crate) fn soft_grains(recipe: &PackingRecipe) -> Option<SoftGrains> {
     let overlap = expected_overlap(recipe).filter(|overlap| *overlap > LARGEST_OVERLAP)?;
-    let remedy = if recipe.dimension == 2 {
+    let remedy = if !recipe.contact.law.is_linear() {
+        "with shear modulus G and Poisson ratio nu the overlap is about (1.5 p (1 - nu) / G)^(2/3) of a diameter: give a larger \
+         contact.shear_modulus"
+            .to_owned()
+    } else if recipe.dimension == 2 {
         let diameter = mean_diameter(recipe);
         format!(
             "thickness is {:.3e} m for grains of {diameter:.3e} m; one mean diameter is usual. With modulus E the overlap is about \
@@ -96,18 +101,22 @@ pub(crate) fn soft_grains(recipe: &PackingRecipe) -> Option<SoftGrains> {
     Some(SoftGrains { problem, remedy })
 }
 
-/// Overlap over diameter at a contact that carries its share of the pressure; `None` where the law is not linear or the recipe says
-/// no pressure.
+/// Overlap over diameter at a contact that carries its share of the pressure; `None` where the recipe says no pressure.
 fn expected_overlap(recipe: &PackingRecipe) -> Option<f64> {
-    if !recipe.contact.law.is_linear() {
-        return None;
-    }
     let target = recipe.stress_target().ok()?;
     let diameter = mean_diameter(recipe);
-    let stiffness = recipe.contact.normal().ok()?.of(0.5 * diameter, 0.5 * diameter);
-    // Force of a contact over its stiffness and the diameter.
     let depth = if recipe.dimension == 2 { recipe.thickness } else { diameter };
-    Some(target.pressure * depth / stiffness)
+    let force = target.pressure * depth * diameter;
+    let radii = [0.5 * diameter; 2];
+    let overlap = match recipe.contact.law {
+        LawName::Linear => force / recipe.contact.normal().ok()?.of(radii[0], radii[1]),
+        LawName::HertzMindlin => {
+            let (shear_modulus, poisson_ratio) = (recipe.contact.shear_modulus?, recipe.contact.poisson_ratio?);
+            let [coefficient, _] = HertzSprings { shear_modulus, poisson_ratio }.coefficients(radii);
+            (force / coefficient).powf(2.0 / 3.0)
+        }
+    };
+    Some(overlap / diameter)
 }
 
 fn mean_diameter(recipe: &PackingRecipe) -> f64 {

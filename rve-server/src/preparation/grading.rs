@@ -74,11 +74,11 @@ fn sieve_tolerance() -> f64 {
 }
 
 impl Grading {
-    /// Checks every key.
+    /// Checks every key, for a packing of `number` grains.
     ///
     /// # Errors
     /// [`PackingError::Content`] naming the key and the remedy.
-    pub fn validate(&self) -> Result<(), PackingError> {
+    pub fn validate(&self, number: usize) -> Result<(), PackingError> {
         let refuse = |reason: String| Err(PackingError::Content(reason));
         match self {
             Self::Uniform { smallest_radius, largest_radius } => check_range(*smallest_radius, *largest_radius),
@@ -104,7 +104,16 @@ impl Grading {
                 if !(*large_share > 0.0 && *large_share < 1.0) {
                     return refuse(format!("grading.large_share = {large_share} must lie between 0 and 1"));
                 }
-                Ok(())
+                let missing = match large_grains(*large_share, number) {
+                    0 => "large",
+                    large if large == number => "small",
+                    _ => return Ok(()),
+                };
+                let one = 1.0 / number as f64;
+                refuse(format!(
+                    "grading.large_share = {large_share} leaves no {missing} grain among {number}: with one grain of a size it is {one} or {}",
+                    1.0 - one
+                ))
             }
             Self::Sieve { sizes, passing, tolerance } => check_sieves(sizes, passing, *tolerance),
         }
@@ -120,7 +129,7 @@ impl Grading {
             }
             Self::List { radii } => radii.iter().copied().cycle().take(number).collect(),
             Self::Bidisperse { small_radius, large_radius, large_share } => quantiles
-                .map(|quantile| if quantile < 1.0 - large_share { *small_radius } else { *large_radius })
+                .map(|quantile| if is_large(quantile, *large_share) { *large_radius } else { *small_radius })
                 .collect(),
             Self::PowerLaw { smallest_radius, largest_radius, exponent } => quantiles
                 .map(|quantile| power_quantile(*smallest_radius, *largest_radius, exponent + 1.0, quantile))
@@ -141,6 +150,16 @@ impl Grading {
         });
         Some((deviation.fold(0.0, f64::max), *tolerance))
     }
+}
+
+/// Whether the grain at a quantile is one of the large ones of two sizes.
+fn is_large(quantile: f64, large_share: f64) -> bool {
+    quantile >= 1.0 - large_share
+}
+
+/// How many grains of two sizes are large.
+fn large_grains(large_share: f64, number: usize) -> usize {
+    (0..number).filter(|grain| is_large((*grain as f64 + 0.5) / number as f64, large_share)).count()
 }
 
 fn check_range(smallest: f64, largest: f64) -> Result<(), PackingError> {
@@ -212,15 +231,31 @@ mod tests {
     use super::*;
 
     fn reason(grading: &Grading) -> String {
-        grading.validate().unwrap_err().to_string()
+        grading.validate(100).unwrap_err().to_string()
     }
 
     #[test]
     fn two_sizes_come_in_their_shares() {
         let grading = Grading::Bidisperse { small_radius: 1.0, large_radius: 1.4, large_share: 0.25 };
-        grading.validate().unwrap();
+        grading.validate(1000).unwrap();
         let radii = grading.radii(1000, 2);
         assert_eq!(radii.iter().filter(|radius| **radius == 1.4).count(), 250);
+    }
+
+    /// A share so small, or so large, that one of the sizes is missing.
+    #[test]
+    fn two_sizes_are_refused_where_one_has_no_grain() {
+        let share = |large_share| Grading::Bidisperse { small_radius: 1.0, large_radius: 1.4, large_share };
+        let refused = reason(&share(0.004));
+        assert!(
+            refused.contains("leaves no large grain among 100") && refused.contains("it is 0.01 or 0.99"),
+            "{refused}"
+        );
+        assert!(reason(&share(0.996)).contains("leaves no small grain among 100"));
+        for sound in [0.01, 0.99] {
+            share(sound).validate(100).unwrap();
+        }
+        share(0.004).validate(1000).unwrap();
     }
 
     /// Mean of a power of the radius against its integral.
@@ -248,7 +283,7 @@ mod tests {
             passing: vec![0.0, 0.2, 0.7, 1.0],
             tolerance: SIEVE_TOLERANCE,
         };
-        grading.validate().unwrap();
+        grading.validate(1000).unwrap();
         for (dimension, number, allowed) in [(2, 4000, 2e-3), (3, 20_000, 2e-3), (2, 400, SIEVE_TOLERANCE)] {
             let radii = grading.radii(number, dimension);
             assert!(radii.is_sorted() && radii[0] >= 0.5e-4 && radii[number - 1] <= 3e-4);

@@ -220,7 +220,7 @@ impl PackingRecipe {
         let sound = self.contact.validate().and_then(|()| self.contact.validate_for(self.dimension as usize));
         let sound = sound.and_then(|()| self.contact.refuse_inner_blocked());
         sound.map_err(|error| PackingError::Content(error.to_string()))?;
-        self.grading.validate()?;
+        self.grading.validate(self.number)?;
         if let Some(target) = &self.target {
             target.validate()?;
         }
