@@ -222,7 +222,7 @@ impl Checker {
                 });
                 match words {
                     _ if shapes.contains(&Shape::Text) => Ok(()),
-                    Some(words) => self.word(node, words, text),
+                    Some(words) => self.word(node, words, text).map_err(|fault| with_tables(fault, &tables)),
                     None => self.mistyped(node, &either_expected(shapes)),
                 }
             }
@@ -272,6 +272,15 @@ impl Checker {
     }
 }
 
+/// An unknown word where a table could stand as well: the hint names it too.
+fn with_tables(mut fault: Fault, tables: &[&Table]) -> Fault {
+    let forms = tables.iter().map(|table| expected_table(table)).collect::<Vec<_>>().join(", or ");
+    if let (Some(hint), false) = (&mut fault.hint, forms.is_empty()) {
+        *hint = format!("{hint}, or {forms}");
+    }
+    fault
+}
+
 /// The key by whose word the tables are told apart, if there is one.
 fn tag<'a>(tables: &[&'a Table]) -> Option<&'a str> {
     let first = tables.first()?;
@@ -301,12 +310,16 @@ fn expected(shape: &Shape) -> String {
         }
         Shape::Either(shapes) => either_expected(shapes),
         Shape::List { .. } => "a list".to_owned(),
-        Shape::Table(table) => match table.keys.first() {
-            Some(key) => format!("a table such as {{ {} = ... }}", key.name),
-            None => "a table".to_owned(),
-        },
+        Shape::Table(table) => expected_table(table),
         Shape::Map(_) => "a table".to_owned(),
         Shape::Anything => "any value".to_owned(),
+    }
+}
+
+fn expected_table(table: &Table) -> String {
+    match table.keys.first() {
+        Some(key) => format!("a table such as {{ {} = ... }}", key.name),
+        None => "a table".to_owned(),
     }
 }
 

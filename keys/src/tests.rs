@@ -279,3 +279,34 @@ fn a_key_can_limit_another_one_of_its_table() {
     assert!(explain("smallest", table.key("smallest").unwrap()).contains("1 / count"));
     assert!(markdown(&table).contains("At most 1 / `count`"));
 }
+
+/// A key whose values are words or tables.
+#[derive(Deserialize, JsonSchema)]
+struct Balance {
+    /// How it is balanced.
+    #[allow(dead_code, reason = "read by the test as part of the schema")]
+    control: Control,
+}
+
+/// Ways to balance.
+#[derive(Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Control {
+    /// At once.
+    Direct,
+    /// Bit by bit.
+    Servo {
+        /// How fast.
+        #[allow(dead_code, reason = "read by the test as part of the schema")]
+        gain: f64,
+    },
+}
+
+#[test]
+fn the_hint_of_an_unknown_word_names_the_table_that_could_stand_there() {
+    let table = Table::of::<Balance>();
+    assert!(check(&node("control = 'direct'"), &table, &[]).is_ok());
+    assert!(check(&node("control = { servo = { gain = 1.0 } }"), &table, &[]).is_ok());
+    let fault = check(&node("control = 'servo'"), &table, &[]).unwrap_err();
+    assert_eq!(fault.hint.unwrap(), "one of \"direct\", or a table such as { servo = ... }");
+}

@@ -237,7 +237,7 @@ pub enum RveError {
     #[error(
         "the grains did not come to rest: strain {strain:.3e} of {target:.3e} applied in {increments} of {of} increments, \
          unbalanced {unbalanced:.2e} against a tolerance of {tolerance:.2e} after {force_evaluations} force evaluations; \
-         use smaller steps, or raise the step cap"
+         use smaller steps, or raise the step cap: rve.max_steps, or rve.max_evaluations where it is given"
     )]
     NotEquilibrated {
         /// Largest component of the stretch that was applied.

@@ -16,6 +16,7 @@ mod mesh;
 mod motion;
 mod multi_point_constraints;
 mod packing;
+mod path_reach;
 mod place;
 mod preparation;
 mod probes;

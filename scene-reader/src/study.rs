@@ -2,6 +2,7 @@
 
 use crate::document::{Document, Kind};
 use crate::input_error::InputError;
+use crate::path_reach::largest_strain;
 pub use crate::tables::{EnsembleStatistic, PathStrain, RowMeasure};
 use crate::tables::{ExpectedEntry, QuantityEntry, StudyFile, Take};
 use keys::Located;
@@ -9,6 +10,9 @@ use rve_server::preparation::PackingRecipe;
 use rve_server::programs::rve_test::ElementTest;
 use std::ops::Range;
 use std::path::Path;
+
+/// Strains that differ by less are the same: increments are shares of a segment.
+const SAME_STRAIN: f64 = 1e-9;
 
 /// A checked study.
 #[derive(Clone, Debug)]
@@ -277,6 +281,24 @@ fn quantity_of(document: &Document, entry: &QuantityEntry, tests: &[StudyTest]) 
     if to.is_some_and(|to| to < from) {
         return refuse(span(&entry.to), "`to` is below `from`", "strains ascend");
     }
+    for (key, given) in [("from", &entry.from), ("to", &entry.to), ("at", &entry.at)] {
+        let Some(wanted) = given else { continue };
+        for test in tests {
+            let reach = largest_strain(&test.test, test.strain);
+            if let Some(reach) = reach.filter(|reach| *wanted.get_ref() > reach + SAME_STRAIN) {
+                let problem = format!(
+                    "`{key}` = {} lies beyond the path of test '{}', whose largest strain is {reach:.4}",
+                    wanted.get_ref(),
+                    test.name
+                );
+                return refuse(
+                    wanted.span(),
+                    &problem,
+                    "extension counts negative; choose a smaller strain, or a longer path",
+                );
+            }
+        }
+    }
     let rows = match (entry.take, number(&entry.at)) {
         (Take::At, Some(at)) => {
             if let Some(window) = entry.from.as_ref().or(entry.to.as_ref()) {
@@ -422,6 +444,11 @@ mod tests {
             (TEXT.replace("quantity = \"peak\"", "quantity = \"peek\""), "there is no quantity 'peek'"),
             (TEXT.replace("\"largest\"", "\"at\""), "`at` is missing"),
             (TEXT.replace("\"largest\"", "\"mean\"\nfrom = 0.2\nto = 0.1"), "`to` is below `from`"),
+            (
+                TEXT.replace("\"largest\"", "\"mean\"\nfrom = 0.9"),
+                "`from` = 0.9 lies beyond the path of test 'biaxial'",
+            ),
+            (TEXT.replace("\"largest\"", "\"at\"\nat = 0.9"), "`at` = 0.9 lies beyond the path"),
             (TEXT.replace("name = \"dense\"", "name = \"de nse\""), "not a name"),
             (TEXT.replace("discs-100.toml", "discs-100.json"), "discs-100.json"),
             (TEXT.replace("contact.friction=0.0", "contact.frction=0.0"), "frction"),

@@ -1,6 +1,6 @@
 //! The text of a document with its overrides applied: what a run keeps in its folder.
 
-use super::overrides::toml_value;
+use super::overrides::{is_large_whole_number, toml_value};
 use super::renamed::former;
 use super::{Document, sizes};
 use crate::input_error::InputError;
@@ -65,6 +65,9 @@ impl Document {
         let mut table: toml::Table = self.text.parse().map_err(unwritable)?;
         table.remove(sizes::KEY);
         for (path, value) in changes {
+            if is_large_whole_number(value) {
+                return Err(self.error(format!("{} = {value} could not be written again", path.join("."))));
+            }
             remove(&mut table, &former(path), path);
             insert(&mut table, path, toml_value(value));
         }

@@ -34,7 +34,9 @@ impl Override {
         }
         let path = renamed::current(&written);
         let warning = (path != written).then(|| renamed::message(&written.join("."), &path.join(".")));
-        let value = toml_value(value.trim()).to_string();
+        let value = value.trim();
+        // Seeds may be as large as this, where a TOML value ends at half of it.
+        let value = if is_large_whole_number(value) { value.to_owned() } else { toml_value(value).to_string() };
         let padded = format!("{}v={value}", " ".repeat(length + 1));
         Ok((Self { text: place, path, value, padded }, warning))
     }
@@ -80,6 +82,11 @@ pub(super) fn insert(node: &mut Node, name: &str, path: &[String], value: Node) 
 }
 
 /// A command-line value: TOML if it is, else a string.
+/// Whether a text is a whole number of 64 bits that is too large for a TOML value.
+pub(super) fn is_large_whole_number(text: &str) -> bool {
+    text.parse::<u64>().is_ok_and(|number| i64::try_from(number).is_err())
+}
+
 pub(super) fn toml_value(text: &str) -> toml::Value {
     match format!("v = {text}").parse::<toml::Table>() {
         Ok(mut table) if table.len() == 1 => table.remove("v").unwrap_or(toml::Value::String(text.to_owned())),

@@ -2,7 +2,7 @@
 
 use super::ensemble::{self, Results};
 use super::{expected, tables};
-use scene_reader::{Document, Study, read_study};
+use scene_reader::{ChosenRows, Document, Study, read_study};
 use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -65,10 +65,12 @@ fn samples_of_a_stopped_study_that_have_ended_are_kept() {
     assert_eq!(results.failures()[0], "dense, 12 grains, seed 1: a stop was requested before it had ended");
 }
 
-/// A value beyond the end of the path: every sample fails, is counted and named, and no number is made up.
+/// A value beyond the end of the path, as where a controlled stress decides how far that strains: every sample fails, is counted and named,
+/// and no number is made up.
 #[test]
 fn failed_samples_are_counted_and_named() {
-    let study = study(&TEXT.replace("at = 0.001", "at = 0.01"));
+    let mut study = study(TEXT);
+    study.quantities[0].rows = ChosenRows::At(0.01);
     let results = made(&study, 2);
     let failures = results.failures();
     assert_eq!(failures.len(), 4);

@@ -319,6 +319,37 @@ fn grains_that_would_be_pressed_flat_are_refused_before_the_first_step() {
     input.refused(&["pack", "recipe.toml", "--set", "thickness=1.0"], &said);
 }
 
+/// Spheres that are soft by Hertz's law were compacted for a while, and then told that their packing was out of balance.
+#[test]
+fn soft_spheres_are_refused_before_the_first_step() {
+    let input = InputFolder::new();
+    let recipe = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/spheres-100.toml");
+    let words = ["pack", recipe.to_str().unwrap(), "--set", "contact.shear_modulus=29e3", "--set", "number=60"];
+    input.refused(&words, &["would overlap by about 6.", "larger contact.shear_modulus"]);
+}
+
+#[test]
+fn hints_name_what_can_stand_in_place_of_a_wrong_value() {
+    let input = InputFolder::new();
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/liu2018/grains-frame-biaxial.toml");
+    input.refused(
+        &["element", scene.to_str().unwrap(), "--set", "frame.control=\"servo\""],
+        &["frame.control = \"servo\" is unknown", "one of \"direct\", or a table such as { servo = ... }"],
+    );
+    let shares = ["grading={distribution='bidisperse',small_radius=2e-4,large_radius=3e-4,large_share=1e-4}"];
+    input.refused(&["pack", "recipe.toml", "--set", shares[0]], &["leaves no large grain among", "it is 0.0"]);
+}
+
+/// A seed may have all of its 64 bits, on the command line as in a file.
+#[test]
+fn seeds_may_be_large() {
+    let input = InputFolder::new();
+    let large = u64::MAX.to_string();
+    let output = input.grainspan(&["pack", "recipe.toml", "--set", &format!("seed={large}")]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    input.refused(&["pack", "recipe.toml", "--set", "seed=18446744073709551616"], &["seed must be"]);
+}
+
 #[test]
 fn a_grain_larger_than_its_cell_is_named() {
     let input = InputFolder::new();

@@ -84,7 +84,9 @@ fn a_study_takes_away_what_the_one_before_has_left_and_nothing_else() {
 #[test]
 fn failed_samples_end_a_study_with_exit_code_1_and_all_tables() {
     let place = tempfile::tempdir().unwrap();
-    let output = study(place.path(), &["--quiet", "--set", "seeds=1", "--set", "quantity.1.from=0.5"]);
+    // Between two rows.
+    let window = ["--set", "quantity.1.from=0.0011", "--set", "quantity.1.to=0.0012"];
+    let output = study(place.path(), &[&["--quiet", "--set", "seeds=1"][..], &window].concat());
     assert_eq!(output.status.code(), Some(1));
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(said.contains("3 of 3 samples") && said.contains("dense, 20 grains, seed 1, biaxial"), "{said}");
@@ -101,6 +103,7 @@ fn a_study_that_is_not_sound_is_refused_before_anything_is_made() {
         ("grains=[40, 20]", "do not ascend"),
         ("recipe.0.file=no-such-recipe.toml", "no-such-recipe.toml"),
         ("quantity.0.measure=strength", "stress_ratio"),
+        ("quantity.1.from=0.5", "beyond the path of test 'biaxial', whose largest strain is 0.0020"),
     ] {
         let output = study(&out, &["--set", setting]);
         assert_eq!(output.status.code(), Some(2), "{setting}");
