@@ -81,12 +81,12 @@ pub(super) fn insert(node: &mut Node, name: &str, path: &[String], value: Node) 
     }
 }
 
-/// A command-line value: TOML if it is, else a string.
 /// Whether a text is a whole number of 64 bits that is too large for a TOML value.
 pub(super) fn is_large_whole_number(text: &str) -> bool {
     text.parse::<u64>().is_ok_and(|number| i64::try_from(number).is_err())
 }
 
+/// A command-line value: TOML if it is, else a string.
 pub(super) fn toml_value(text: &str) -> toml::Value {
     match format!("v = {text}").parse::<toml::Table>() {
         Ok(mut table) if table.len() == 1 => table.remove("v").unwrap_or(toml::Value::String(text.to_owned())),
