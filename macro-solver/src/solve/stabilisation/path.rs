@@ -194,7 +194,7 @@ mod tests {
             iterations: 0,
             backtracks: 0,
             rejections: 0,
-            most_without_gain: MOST_WITHOUT_GAIN,
+            most_without_gain: Some(MOST_WITHOUT_GAIN),
             stage_fraction: 0.0,
             increment: Vec::new(),
             gradients: Vec::new(),
