@@ -85,7 +85,8 @@ impl Scene {
         let element = match (loading, is_plane) {
             (Loading::Wave, _) => stream.pick(&["q4", "q4_single"]),
             (_, true) => stream.pick(&["q4", "q8", "t3", "t6", "q4_single"]),
-            (_, false) => stream.pick(&["h8", "h8_single", "h20"]),
+            // Not `h20`: in a column one element wide it has motions that need no energy.
+            (_, false) => stream.pick(&["h8", "h8_single", "h20_full"]),
         };
         let elements = match (loading, is_plane) {
             (Loading::Wave, _) => format!("[1, {}]", 4 + stream.below(9)),
