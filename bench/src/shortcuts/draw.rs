@@ -243,7 +243,6 @@ mod tests {
     fn scenes_are_repeatable_can_be_read_and_are_of_all_sorts() {
         let slots = slots(7).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir_all(folder.path()).unwrap();
         let scenes: Vec<Scene> = (0..80).map(|number| Scene::sampled(7, number, &slots).unwrap()).collect();
         let file = folder.path().join("scene.toml");
         for (number, scene) in scenes.iter().enumerate() {

@@ -1,16 +1,18 @@
 //! Random scenes with every shortcut, and with each of them switched off: those that are exact change no digit of the history, and the
 //! others no more than what the accuracy of the scene allows, or the errors that both runs estimate where cells snap.
 
+mod compare;
 mod draw;
 mod levers;
 
 use crate::effort::Effort;
-use crate::program::{EndedRun, run_to_its_end};
+use crate::program::run_to_its_end;
 use crate::report::Report;
 use crate::stability::check::bound;
 use crate::stability::packings::{Slot, slots};
 use crate::table::{Cell, Table};
 use anyhow::Context;
+use compare::{Difference, difference, is_same};
 use draw::Scene;
 use levers::{Effect, LEVERS, Lever};
 use macro_solver::output::write_atomically;
@@ -28,8 +30,8 @@ const SEED: u64 = 1;
 /// Runs the scenes that the command line asks for.
 ///
 /// # Errors
-/// A scene that cannot be made or run, a shortcut that changes a history although it is exact (the tables are written before), or a report
-/// that cannot be written.
+/// A scene that cannot be made or run, a shortcut that changes a history by more than it may (the tables are written before), or a report that
+/// cannot be written.
 pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
     let options = &effort.stability;
     let seed = options.seed.unwrap_or(SEED);
@@ -65,6 +67,9 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         "median_difference",
         "largest_difference",
         "largest_over_allowed",
+        "ended_early",
+        "another_end",
+        "not_compared",
     ]);
     for lever in &LEVERS {
         if let Some(sum) = sums.get(lever.name) {
@@ -108,15 +113,15 @@ struct Finding {
     /// How often it was taken.
     taken: u64,
     is_same: bool,
-    /// Differences of the mean stresses.
-    difference: Difference,
+    /// Differences of the mean stresses; `None` without a common step.
+    difference: Option<Difference>,
 }
 
 impl Finding {
     fn is_wrong(&self) -> bool {
         match self.lever.effect {
             Effect::Exact => !self.is_same || self.exits[0] != self.exits[1],
-            Effect::WithinTolerance => self.difference.over_allowed > 1.0,
+            Effect::WithinTolerance => self.difference.is_some_and(|found| found.over_allowed > 1.0),
         }
     }
 }
@@ -141,62 +146,6 @@ fn findings(scene: &Scene, folder: &Path) -> anyhow::Result<Vec<Finding>> {
         });
     }
     Ok(findings)
-}
-
-/// Beginnings of columns that count work, or that the estimate of the error adds.
-const NO_RESULTS: [&str; 4] = ["evaluations", "estimated_error", "balance_error", "strain_per_step"];
-
-fn is_result(column: &str) -> bool {
-    !NO_RESULTS.iter().any(|begin| column.starts_with(begin))
-}
-
-/// Whether all results of two histories are equal in every digit.
-fn is_same(one: &EndedRun, other: &EndedRun) -> bool {
-    let results = |run: &EndedRun| -> Vec<(String, Vec<String>)> {
-        run.columns
-            .iter()
-            .filter(|(name, _)| is_result(name))
-            .map(|(name, rows)| (name.clone(), rows.clone()))
-            .collect()
-    };
-    results(one) == results(other)
-}
-
-/// How far the mean stresses of two runs are apart behind step 0, in which packings that are not at rest under the law of the scene differ; NaN
-/// where one run has other steps.
-#[derive(Clone, Copy, Debug)]
-struct Difference {
-    /// Largest difference in any step over the mean pressure of the first run.
-    largest: f64,
-    /// Largest difference over what is allowed in its step: the bound, or the errors that both runs estimate if they are larger.
-    over_allowed: f64,
-}
-
-fn difference(one: &EndedRun, other: &EndedRun, components: &[&str], bound: f64) -> Difference {
-    let mut found = Difference { largest: 0.0, over_allowed: 0.0 };
-    if one.steps() != other.steps() || one.steps() == 0 {
-        return Difference { largest: f64::NAN, over_allowed: f64::NAN };
-    }
-    let normal = components.iter().filter(|name| name.as_bytes()[0] == name.as_bytes()[1]);
-    let sums: Vec<f64> = normal.map(|name| values(one, name).iter().sum::<f64>()).collect();
-    let pressure = -sums.iter().sum::<f64>() / (sums.len() * one.steps()) as f64;
-    let errors = [one, other].map(|run| values(run, "estimated_error"));
-    let pairs: Vec<[Vec<f64>; 2]> = components.iter().map(|name| [values(one, name), values(other, name)]).collect();
-    for step in 1..one.steps() {
-        let apart = pairs.iter().map(|[a, b]| (a[step] - b[step]).abs() / pressure).fold(0.0, f64::max);
-        // Runs without the estimate have no such column; NaN counts as nothing known.
-        let estimated: f64 =
-            errors.iter().filter_map(|error| error.get(step)).filter(|error| error.is_finite()).sum();
-        found.largest = found.largest.max(apart);
-        found.over_allowed = found.over_allowed.max(apart / bound.max(estimated));
-    }
-    found
-}
-
-/// A column of numbers; NaN where an entry is none, empty where there is no such column.
-fn values(run: &EndedRun, name: &str) -> Vec<f64> {
-    let rows = run.columns.iter().find(|(column, _)| column == name).map_or(&[][..], |(_, rows)| rows);
-    rows.iter().map(|row| row.parse().unwrap_or(f64::NAN)).collect()
 }
 
 /// Writes a scene and its packing.
@@ -227,8 +176,8 @@ fn row(number: u64, scene: &Scene, slot: &Slot, finding: &Finding) -> [Cell; 15]
         finding.taken.into(),
         exit(finding.exits[1]),
         if finding.is_same { "yes" } else { "no" }.into(),
-        finding.difference.largest.into(),
-        finding.difference.over_allowed.into(),
+        finding.difference.map_or(f64::NAN, |found| found.largest).into(),
+        finding.difference.map_or(f64::NAN, |found| found.over_allowed).into(),
     ]
 }
 
@@ -240,6 +189,12 @@ struct Sum {
     same: u64,
     differences: Vec<f64>,
     over_allowed: f64,
+    /// Scenes that do not converge with the shortcut.
+    ended_early: u64,
+    /// Scenes of which one run converges and the other does not.
+    another_end: u64,
+    /// Scenes whose runs have no step in common behind step 0.
+    not_compared: u64,
 }
 
 impl Sum {
@@ -247,14 +202,18 @@ impl Sum {
         self.scenes += 1;
         self.taken_in += u64::from(finding.taken > 0);
         self.same += u64::from(finding.is_same);
-        let Difference { largest, over_allowed } = finding.difference;
-        if largest.is_finite() {
-            self.differences.push(largest);
-            self.over_allowed = self.over_allowed.max(over_allowed);
+        self.ended_early += u64::from(finding.exits[0] != 0);
+        self.another_end += u64::from(finding.exits[0] != finding.exits[1]);
+        match finding.difference {
+            Some(Difference { largest, over_allowed }) => {
+                self.differences.push(largest);
+                self.over_allowed = self.over_allowed.max(over_allowed);
+            }
+            None => self.not_compared += 1,
         }
     }
 
-    fn row(&self, lever: &Lever) -> [Cell; 8] {
+    fn row(&self, lever: &Lever) -> [Cell; 11] {
         let mut sorted = self.differences.clone();
         sorted.sort_by(f64::total_cmp);
         let at = |place: usize| Cell::from(sorted.get(place).copied().unwrap_or(f64::NAN));
@@ -267,43 +226,9 @@ impl Sum {
             at(sorted.len() / 2),
             at(sorted.len().saturating_sub(1)),
             self.over_allowed.into(),
+            self.ended_early.into(),
+            self.another_end.into(),
+            self.not_compared.into(),
         ]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn ended(columns: &[(&str, &[&str])]) -> EndedRun {
-        let columns = columns
-            .iter()
-            .map(|(name, rows)| ((*name).to_owned(), rows.iter().map(|row| (*row).to_owned()).collect()));
-        EndedRun { code: 0, summary: serde_json::Value::Null, columns: columns.collect() }
-    }
-
-    #[test]
-    fn histories_are_compared_by_their_results_and_stresses_over_the_pressure() {
-        let run = |evaluations: &[&str], xy: &[&str], error: &[&str]| {
-            ended(&[
-                ("evaluations", evaluations),
-                ("xx", &["-1", "-2"]),
-                ("yy", &["-3", "-2"]),
-                ("xy", xy),
-                ("estimated_error", error),
-            ])
-        };
-        let one = run(&["4", "8"], &["0", "1"], &["0", "1e-3"]);
-        assert!(is_same(&one, &run(&["5", "9"], &["0", "1"], &["0", "2e-3"])));
-        let other = run(&["4", "8"], &["0", "1.1"], &["0", "1e-3"]);
-        assert!(!is_same(&one, &other));
-        let components = ["xx", "yy", "xy"];
-        let found = difference(&one, &other, &components, 0.025);
-        assert!((found.largest - 0.05).abs() < 1e-12 && (found.over_allowed - 2.0).abs() < 1e-9, "{found:?}");
-        // Where the runs themselves do not know better, and in step 0.
-        let snapped = run(&["4", "8"], &["0.5", "1.1"], &["0", "0.099"]);
-        assert!(difference(&one, &snapped, &components, 0.025).over_allowed < 0.51);
-        let short = ended(&[("evaluations", &["4"]), ("xx", &["-1"]), ("yy", &["-3"]), ("xy", &["0"])]);
-        assert!(!is_same(&one, &short) && difference(&one, &short, &components, 0.025).largest.is_nan());
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A folder for output, removed in the end.
 pub(crate) struct Site(tempfile::TempDir);
@@ -31,4 +32,12 @@ pub(crate) fn bench(arguments: &[&str]) -> Output {
 /// What the program wrote to standard error.
 pub(crate) fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The seed that an environment variable gives, to repeat what a failed test has printed; otherwise another one every time.
+pub(crate) fn seed(variable: &str) -> u64 {
+    match std::env::var(variable) {
+        Ok(given) => given.parse().unwrap_or_else(|_| panic!("{variable} is a whole number")),
+        Err(_) => SystemTime::now().duration_since(UNIX_EPOCH).map_or(1, |since| since.as_secs()),
+    }
 }

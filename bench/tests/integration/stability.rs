@@ -3,8 +3,7 @@
 //! `GRAINSPAN_STABILITY_SEED=N cargo test --release -p grainspan-bench stability` runs the cases of a seed again that a failed
 //! test has printed.
 
-use crate::program::{Site, bench, stderr};
-use std::time::{SystemTime, UNIX_EPOCH};
+use crate::program::{Site, bench, seed, stderr};
 
 /// Cases, all of them of at most 100 grains.
 const CASES: &str = "120";
@@ -22,18 +21,11 @@ struct Row {
     not_at_rest: usize,
 }
 
-fn seed() -> u64 {
-    match std::env::var("GRAINSPAN_STABILITY_SEED") {
-        Ok(given) => given.parse().expect("GRAINSPAN_STABILITY_SEED is a whole number"),
-        Err(_) => SystemTime::now().duration_since(UNIX_EPOCH).map_or(1, |since| since.as_secs()),
-    }
-}
-
 #[test]
 #[expect(clippy::print_stdout, reason = "the seed belongs to the output of a failed test")]
 fn random_cases_end_in_an_answer_or_a_refusal_and_everyday_ones_at_rest() {
     let site = Site::new();
-    let (seed, folder) = (seed().to_string(), site.path("stability"));
+    let (seed, folder) = (seed("GRAINSPAN_STABILITY_SEED").to_string(), site.path("stability"));
     println!("GRAINSPAN_STABILITY_SEED={seed}");
     let mut campaign = vec!["stability", "--cases", CASES, "--largest", "100", "--small", "0", "--unchecked"];
     campaign.extend(["--seed", &seed, "--out", folder.to_str().unwrap()]);

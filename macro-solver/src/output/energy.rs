@@ -244,36 +244,48 @@ mod tests {
         assert_eq!(entries["elastic"], 6.0);
     }
 
+    /// Hands the report of a body that stands still to a ledger, with the energies of its motion if there is one.
+    fn accept_motion(
+        ledger: &mut EnergyLedger,
+        step: usize,
+        stage: usize,
+        energy: Option<EnergyBalance>,
+        hourglass_energy: f64,
+    ) {
+        let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
+        let still = vec![[0.0; 3]; mesh.nodes.len()];
+        let view = FieldsView {
+            mesh: &mesh,
+            displacements: &still,
+            reactions: &still,
+            loads: &still,
+            hourglass_energy,
+            fluid_energy: 0.0,
+            dynamics: energy.map(|energy| DynamicsView {
+                velocities: &still,
+                accelerations: &still,
+                energy,
+                time_step: 1.0,
+                stable_step: 2.0,
+                added_mass: 0.0,
+                mass: 1.0,
+            }),
+            points: &[point(1.0, [[0.0; 2]; 2], 1.0)],
+            statistics: &Statistics::default(),
+        };
+        let report = StepReport { stage, ..report(step, 0, step as f64) };
+        ledger.accepted(&report, &view).unwrap();
+    }
+
     /// A motion begins with hardly any energy, of which any residual is a large share: with reports that are close together it was taken for
     /// the error of the whole motion.
     #[test]
     fn the_residual_of_a_motion_is_over_its_largest_energy_whenever_it_is_reported() {
-        let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
-        let still = vec![[0.0; 3]; mesh.nodes.len()];
         let residual = |reports: &[(usize, f64, f64)]| {
             let mut ledger = EnergyLedger::default();
             for (step, &(stage, largest_residual, largest)) in reports.iter().enumerate() {
-                let view = FieldsView {
-                    mesh: &mesh,
-                    displacements: &still,
-                    reactions: &still,
-                    loads: &still,
-                    hourglass_energy: 0.0,
-                    fluid_energy: 0.0,
-                    dynamics: Some(DynamicsView {
-                        velocities: &still,
-                        accelerations: &still,
-                        energy: EnergyBalance { largest_residual, largest, ..EnergyBalance::default() },
-                        time_step: 1.0,
-                        stable_step: 2.0,
-                        added_mass: 0.0,
-                        mass: 1.0,
-                    }),
-                    points: &[point(1.0, [[0.0; 2]; 2], 1.0)],
-                    statistics: &Statistics::default(),
-                };
-                let report = StepReport { stage, ..report(step, 0, step as f64) };
-                ledger.accepted(&report, &view).unwrap();
+                let energy = EnergyBalance { largest_residual, largest, ..EnergyBalance::default() };
+                accept_motion(&mut ledger, step, stage, Some(energy), 0.0);
             }
             ledger.dynamics()["energy_residual"]
         };
@@ -286,32 +298,10 @@ mod tests {
     /// Between two reports a motion may swing many times; the ledger of the motion counts, from the beginning of each stage.
     #[test]
     fn the_work_of_a_motion_is_that_of_its_time_steps() {
-        let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
         let mut ledger = EnergyLedger::default();
-        let still = vec![[0.0; 3]; mesh.nodes.len()];
         let mut accept = |step: usize, stage: usize, work: Option<f64>, hourglass: f64| {
-            let dynamics = work.map(|external| DynamicsView {
-                velocities: &still,
-                accelerations: &still,
-                energy: EnergyBalance { external, ..EnergyBalance::default() },
-                time_step: 1.0,
-                stable_step: 2.0,
-                added_mass: 0.0,
-                mass: 1.0,
-            });
-            let view = FieldsView {
-                mesh: &mesh,
-                displacements: &still,
-                reactions: &still,
-                loads: &still,
-                hourglass_energy: hourglass,
-                fluid_energy: 0.0,
-                dynamics,
-                points: &[point(1.0, [[0.0; 2]; 2], 1.0)],
-                statistics: &Statistics::default(),
-            };
-            let report = StepReport { stage, ..report(step, 0, step as f64) };
-            ledger.accepted(&report, &view).unwrap();
+            let energy = work.map(|external| EnergyBalance { external, ..EnergyBalance::default() });
+            accept_motion(&mut ledger, step, stage, energy, hourglass);
             ledger.entries(true)
         };
         let start = accept(0, 0, None, 0.25);

@@ -196,8 +196,7 @@ struct StabilisationKeys {
     stabilise_after: Option<usize>,
     /// Increments with supports and loads at rest after which the body counts as having no equilibrium: it returns to
     /// the state before the step, which is cut back. So it does after 120 of them in a row that do not lower the out-of-balance force,
-    /// unless the step is of the smallest size.
-    /// Refused where `stabilise` is false.
+    /// unless the step is of the smallest size. Refused where `stabilise` is false.
     #[schemars(range(min = 1), extend("x-default" = "300 where supports move and all loads are constant, else 100", "x-procedures" = "implicit"))]
     stabilise_increments: usize,
     /// Viscosity of the first increment over the first stiffness. Refused where `stabilise` is false.

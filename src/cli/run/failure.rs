@@ -42,7 +42,8 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> O
                 "the motion is unstable{stage}: at time step {step} (t = {time:.6e} s) {reason}\nhint: the step of {time_step:.3e} s is too \
                  large; leave dynamics.time_step out or lower dynamics.safety, and if the material stiffens set \
                  dynamics.tangent_every. If the motion does not grow, slower histories or damping resolve it, or \
-                 dynamics.longest_excess = 0 disables this check"
+                 dynamics.longest_excess = 0 disables this check{}",
+                motion_of_packing(scene)
             ),
         ),
         Outcome::Interrupted => Failure::new(
@@ -84,6 +85,12 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
         Some(explained) => Some(format!("{explained}\nhint: {}", start_state::remedy(scene))),
         None => packing.is_far_from_rest.then(|| packing.remarks_on_the_law().join("; ")),
     }
+}
+
+/// A further hint about a motion: energy that it was not given may come from a packing that is far from rest; empty otherwise.
+fn motion_of_packing(scene: &Scene) -> String {
+    let packing = PackingState::of(scene.definition()).ok().filter(|packing| packing.is_far_from_rest);
+    packing.map_or_else(String::new, |packing| format!("\nhint: {}", packing.remarks_on_the_law().join("; ")))
 }
 
 /// Writes the trial that has ended too many workers to `quarantine.replay`; returns a hint for the message.

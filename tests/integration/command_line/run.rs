@@ -513,3 +513,26 @@ fn a_body_is_unloaded_to_zero_and_loaded_again() {
     let vertical: Vec<f64> = reader.records().map(|row| row.unwrap()[place].parse().unwrap()).collect();
     assert!(vertical[4].abs() < 300.0 && (vertical[9] / -1e5 - 1.0).abs() < 5e-3, "{vertical:?}");
 }
+
+/// Energy that a motion was not given came from grains that its packing lets go, and the message told of the time step alone.
+#[test]
+fn an_unstable_motion_of_a_packing_far_from_rest_says_so() {
+    let place = tempfile::tempdir().unwrap();
+    let packing = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json");
+    let scene = place.path().join("wave.toml");
+    let conditions = "[[periodic]]\nfrom = \"left\"\nto = \"right\"\njump = { x = 0.0, y = 0.0 }\n[[boundary]]\nset = \"bottom\"\n\
+                      displacement = { x = 1e-7 }\nhistory = { sine = { frequency = 50.0 } }\n[[boundary]]\nset = \"bottom\"\n\
+                      displacement = { y = 0.0 }\n[[boundary]]\nset = \"top\"\ndisplacement = { x = 0.0, y = 0.0 }\n";
+    let text = format!(
+        "packing = \"{}\"\nprocedure = \"dynamic\"\n[mesh]\nsize = [1.0, 2.0]\nelements = [1, 9]\nelement = \"q4_single\"\n\
+         [contact]\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.0\n[rve]\naccuracy = \"default\"\n{conditions}\
+         [loading]\nduration = 6e-3\n[dynamics]\noutput_interval = 1e-3\n",
+        packing.display()
+    );
+    fs::write(&scene, text).unwrap();
+    let output = run_scene(scene.to_str().unwrap(), &place.path().join("out"), "1", &["--quiet"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let expected = ["the motion is unstable", "hint: ", "far from rest under this contact law", "grainspan pack"];
+    assert!(expected.iter().all(|part| said.contains(part)), "{said}");
+}

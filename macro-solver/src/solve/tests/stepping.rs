@@ -169,15 +169,21 @@ fn an_observer_can_stop_the_run() {
     assert!(matches!(stopped.outcome, Outcome::Stopped(_)) && stopped.load == 0.5);
 }
 
-/// A second block that does not move is asked once per step, and the result has the same bits as asking always.
-#[test]
-fn unchanged_targets_are_skipped_without_changing_a_bit() {
+/// The compression, with one more element that touches nothing, and the number of its first node.
+fn compression_next_to_a_block() -> (Problem, usize) {
     let mut problem = compression(-0.4);
     let first = problem.mesh.nodes.len();
     problem.mesh.nodes.extend([[5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 1.0, 0.0], [5.0, 1.0, 0.0]]);
     problem.mesh.nodes.extend([[5.5, 0.0, 0.0], [6.0, 0.5, 0.0], [5.5, 1.0, 0.0], [5.0, 0.5, 0.0]]);
     problem.mesh.elements.push((first..first + 8).collect());
     problem.mesh.kinds.push(problem.mesh.kinds[0]);
+    (problem, first)
+}
+
+/// A second block that does not move is asked once per step, and the result has the same bits as asking always.
+#[test]
+fn unchanged_targets_are_skipped_without_changing_a_bit() {
+    let (mut problem, first) = compression_next_to_a_block();
     problem.mesh.node_sets.insert("still".into(), (first..first + 8).collect());
     let still = [Axis::X, Axis::Y].map(|axis| Condition::fixed("still", axis).into());
     problem.stages[0].conditions.extend(still);
@@ -196,12 +202,7 @@ fn unchanged_targets_are_skipped_without_changing_a_bit() {
 /// first time in the step. It kept the reply without one, and with it the tangent of an earlier step.
 #[test]
 fn a_kept_reply_without_a_tangent_does_not_stand_for_one() {
-    let mut problem = compression(-0.4);
-    let first = problem.mesh.nodes.len();
-    problem.mesh.nodes.extend([[5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 1.0, 0.0], [5.0, 1.0, 0.0]]);
-    problem.mesh.nodes.extend([[5.5, 0.0, 0.0], [6.0, 0.5, 0.0], [5.5, 1.0, 0.0], [5.0, 0.5, 0.0]]);
-    problem.mesh.elements.push((first..first + 8).collect());
-    problem.mesh.kinds.push(problem.mesh.kinds[0]);
+    let (mut problem, first) = compression_next_to_a_block();
     let sets = [("low", vec![0, 1, 4]), ("middle", vec![5, 7]), ("high", vec![2, 3, 6])];
     for ((name, nodes), share) in sets.into_iter().zip([0.0, 0.5, 1.0]) {
         problem.mesh.node_sets.insert(name.into(), nodes.into_iter().map(|node| first + node).collect());
