@@ -123,15 +123,23 @@ impl EndedRun {
     }
 }
 
+/// A scene that is refused before its first step.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("the scene is refused: {0}")]
+pub(crate) struct Refusal(String);
+
 /// Runs a scene as [`run_scene`] does, and takes a step that did not converge for an end too.
 ///
 /// # Errors
-/// The run ends for another reason, or leaves no results.
+/// A [`Refusal`], another end of the run, or no results.
 pub(crate) fn run_to_its_end(scene: &Path, settings: &[&str], folder: &Path) -> anyhow::Result<EndedRun> {
     let settings: Vec<String> = settings.iter().map(|&setting| setting.to_owned()).collect();
     let output = run_command(&program()?, scene, &settings, folder).stdin(Stdio::null()).output()?;
-    let Some(code @ (0 | 1)) = output.status.code() else {
-        bail!("the run ended with {}: {}", output.status, String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stderr);
+    let code = match output.status.code() {
+        Some(code @ (0 | 1)) => code,
+        Some(2) => return Err(Refusal(said.trim().to_owned()).into()),
+        _ => bail!("the run ended with {}: {said}", output.status),
     };
     let summary = fs::read(folder.join("summary.json")).context("the summary of the run")?;
     let mut reader = csv::Reader::from_path(folder.join("history.csv")).context("the history of the run")?;

@@ -6,7 +6,7 @@ mod draw;
 mod levers;
 
 use crate::effort::Effort;
-use crate::program::run_to_its_end;
+use crate::program::{Refusal, run_to_its_end};
 use crate::report::Report;
 use crate::stability::check::bound;
 use crate::stability::packings::{Slot, slots};
@@ -46,14 +46,27 @@ pub(super) fn run(effort: &Effort, report: &mut Report) -> anyhow::Result<()> {
         let scene = Scene::sampled(seed, number, &slots)?;
         let folder = tempfile::tempdir().context("a folder for the runs")?;
         write(&scene, &slots[scene.slot], folder.path()).with_context(|| format!("scene {number}"))?;
-        let findings = findings(&scene, folder.path()).with_context(|| format!("scene {number} of seed {seed}"))?;
+        let findings = match findings(&scene, folder.path()) {
+            Ok(findings) => findings,
+            Err(error) => {
+                keep(report, number, &scene, &slots[scene.slot])?;
+                return Err(error.context(format!("scene {number} of seed {seed}")));
+            }
+        };
+        let findings = match findings {
+            Ok(findings) => findings,
+            Err(refusal) => {
+                report.note(&format!("scene {number}: {refusal}"))?;
+                continue;
+            }
+        };
         for finding in &findings {
             sums.entry(finding.lever.name).or_default().add(finding);
             table.row(row(number, &scene, &slots[scene.slot], finding));
         }
         let wrong: Vec<&str> = findings.iter().filter(|one| one.is_wrong()).map(|one| one.lever.name).collect();
         if !wrong.is_empty() {
-            write(&scene, &slots[scene.slot], &report.folder().join(format!("scene-{number}")))?;
+            keep(report, number, &scene, &slots[scene.slot])?;
             changed.push(format!("scene {number} ({})", wrong.join(", ")));
         }
         report.raw("scenes", &table)?;
@@ -126,12 +139,15 @@ impl Finding {
     }
 }
 
-/// Runs a scene with and without each shortcut that has a meaning for it.
-fn findings(scene: &Scene, folder: &Path) -> anyhow::Result<Vec<Finding>> {
+/// Runs a scene with and without each shortcut that has a meaning for it; or why it is refused.
+fn findings(scene: &Scene, folder: &Path) -> anyhow::Result<Result<Vec<Finding>, Refusal>> {
     let file = folder.join("scene.toml");
     let run =
         |name: &str, settings: &[&str]| run_to_its_end(&file, settings, &folder.join(name)).context(name.to_owned());
-    let base = run("default", &[])?;
+    let base = match run("default", &[]) {
+        Ok(base) => base,
+        Err(error) => return error.downcast::<Refusal>().map(Err),
+    };
     let mut findings = Vec::new();
     for lever in LEVERS.iter().filter(|lever| (lever.serves)(scene)) {
         let other = run(lever.name, lever.settings)?;
@@ -145,7 +161,12 @@ fn findings(scene: &Scene, folder: &Path) -> anyhow::Result<Vec<Finding>> {
             difference: difference(&base, &other, scene.components(), bound(&scene.options)),
         });
     }
-    Ok(findings)
+    Ok(Ok(findings))
+}
+
+/// Writes a scene and its packing to the folder of the report.
+fn keep(report: &Report, number: u64, scene: &Scene, slot: &Slot) -> anyhow::Result<()> {
+    write(scene, slot, &report.folder().join(format!("scene-{number}")))
 }
 
 /// Writes a scene and its packing.
