@@ -7,6 +7,7 @@ mod model;
 mod narrow_cell;
 mod operator_options;
 mod options;
+mod packing_checks;
 pub mod packing_file;
 
 pub use features::EngineFeature;
