@@ -2,7 +2,9 @@
 
 /// The name that is most like `wrong`, if any is like it enough to be meant. A name that begins with it comes first.
 pub fn nearest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let distance = |name: &str| if name.starts_with(wrong) { 0 } else { edit_distance(wrong, name) };
+    let lower = wrong.to_lowercase();
+    let distance =
+        |name: &str| if name.starts_with(&lower) { 0 } else { edit_distance(&lower, &name.to_lowercase()) };
     let (distance, name) = names.into_iter().map(|name| (distance(name), name)).min()?;
     (distance <= wrong.len().div_ceil(2).min(4)).then_some(name)
 }

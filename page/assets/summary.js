@@ -30,7 +30,9 @@
       button.disabled = action === "pause" ? paused : action === "resume" ? !paused : state.requests.includes(action);
     }
     const pending = state.requests.filter((name) => !(name === "pause" && state.status === "paused"));
-    element("control-note").textContent = pending.length ? `${pending.join(", ")} requested: acts after the current step` : "";
+    const notes = pending.length ? [`${pending.join(", ")} requested: acts after the current step`] : [];
+    if (state.not_saved) notes.push(`the state could not be saved: ${state.not_saved}`);
+    element("control-note").textContent = notes.join(" \u00b7 ");
     const concerns = (state.counters ?? []).filter((one) => !one.harmless).map((one) => one.text);
     const accuracy = element("accuracy");
     const errors = [[state.figures.accuracy?.estimated_error_of_mean, "by the strain per step"], [state.figures.balance?.error_of_mean, "by the balance of forces"]];

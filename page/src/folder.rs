@@ -6,6 +6,9 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
+/// Remedy of a folder that is none of a run.
+const HINT: &str = "hint: give the folder that `grainspan run` names at its end, such as out/biaxial";
+
 /// The output folder of a run.
 #[derive(Clone, Debug)]
 pub struct RunFolder {
@@ -20,13 +23,12 @@ impl RunFolder {
     /// # Errors
     /// It does not exist, or holds neither a scene nor a history.
     pub fn open(path: &Path) -> Result<Self, PageError> {
-        let whole = path.canonicalize().map_err(|error| PageError(format!("{}: {error}", path.display())))?;
+        let whole = path.canonicalize().map_err(|error| PageError(format!("{}: {error}\n{HINT}", path.display())))?;
         if ["scene.toml", "history.csv"].iter().any(|name| whole.join(name).is_file()) {
             return Ok(Self { path: whole, steps: Arc::default() });
         }
         Err(PageError(format!(
-            "{} is no run's output: it has neither scene.toml nor history.csv\nhint: give the folder that `grainspan run` \
-             names at its end, such as out/biaxial",
+            "{} is no run's output: it has neither scene.toml nor history.csv\n{HINT}",
             path.display()
         )))
     }

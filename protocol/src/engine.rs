@@ -217,7 +217,9 @@ pub enum RveError {
         determinant: f64,
     },
     /// The target is farther than the engine accepts in one trial.
-    #[error("the target deformation |H| = {norm:.3e} exceeds the limit {limit:.3e} of one trial; use smaller steps")]
+    #[error(
+        "the target deformation |H| = {norm:.3e} exceeds the limit {limit:.3e} of one trial (`rve.largest_target`); use smaller steps"
+    )]
     TargetTooLarge {
         /// Size of the target; an engine may leave pure rotation out of it.
         norm: f64,

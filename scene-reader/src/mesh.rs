@@ -140,7 +140,8 @@ impl Numbers<'_> {
     }
 
     fn footing(&self) -> Result<HalfFooting, InputError> {
-        let [footing, beside, depth, thickness] = self.named_sections(["footing", "beside", "depth"])?;
+        let [footing, beside, depth, thickness] =
+            self.named_sections(["half width of the footing", "surface next to it", "depth"])?;
         Ok(HalfFooting { footing, beside, depth, thickness, kind: self.kind })
     }
 
@@ -255,9 +256,14 @@ impl Numbers<'_> {
         };
         let found = values.get_ref().len();
         if found != names.len() {
-            let keyword = self.kind.keyword();
-            let problem =
-                format!("`{key}` has {found} entries, but this mesh of \"{keyword}\" elements needs {}", names.len());
+            let generator =
+                self.table.get_ref().generator.as_ref().map_or(Generator::Block, |given| *given.get_ref());
+            let problem = format!(
+                "`{key}` has {found} entries, but generator = \"{}\" with \"{}\" elements needs {}",
+                generator.keyword(),
+                self.kind.keyword(),
+                names.len()
+            );
             return Err(self.document.error_at(values.span(), problem).hint(hint));
         }
         Ok(values.get_ref().clone())

@@ -1,6 +1,6 @@
 //! Packings that a document names: read, or refused with the place of the key.
 
-use super::document::Document;
+use super::document::{Document, Kind};
 use super::input_error::InputError;
 use rve_server::definition::{Packing, PackingError};
 use std::os::unix::fs::FileTypeExt;
@@ -16,13 +16,21 @@ const LARGEST_PACKING: u64 = 4 << 30;
 pub fn read_packing(document: &Document, written: &Path) -> Result<Packing, InputError> {
     let path = document.resolve(written);
     packing_at(&path).map_err(|error| {
-        let hint = if path.exists() {
-            "correct the packing file, or make a new one with `grainspan pack`"
+        let hint = if is_recipe(&path) {
+            format!("this is a recipe: make the packing with `grainspan pack {} --out NAME.json`", path.display())
+        } else if path.exists() {
+            "correct the packing file, or make a new one with `grainspan pack`".to_owned()
         } else {
-            "make one with `grainspan pack`, or correct the path; it is relative to this file's folder"
+            "make one with `grainspan pack`, or correct the path; it is relative to this file's folder".to_owned()
         };
         document.error_at_key(&["packing"], error).hint(hint)
     })
+}
+
+/// Whether a file that is no packing is a recipe for one.
+fn is_recipe(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "toml")
+        && Document::read(path, &[]).is_ok_and(|document| document.kind() == Some(Kind::Recipe))
 }
 
 /// Reads a packing file. What cannot be a packing is refused before it is read whole: a device never ends, and a file of some

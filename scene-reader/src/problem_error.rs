@@ -17,6 +17,10 @@ pub(super) fn problem_error(document: &Document, places: &[ConditionPlaces], err
     {
         let error = document.error_at(place.clone(), error);
         return match cause {
+            ProblemError::Contradiction { first_set, second_set, .. } if first_set == second_set => error.hint(format!(
+                "a node follows one condition along each axis, and two conditions move '{first_set}': take one of them out, or give both the \
+                 same displacement"
+            )),
             ProblemError::Contradiction { first_set, second_set, .. } => error.hint(format!(
                 "a node follows one condition along each axis: move one of '{first_set}' and '{second_set}' along another axis, \
                  give both the same displacement, or use a mesh in which they share no node"

@@ -11,7 +11,7 @@ use crate::workers::SignalWatch;
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
 use rve_server::programs::rve_test::{
-    ElementCsv, ElementRow, ElementSummary, RowRequests, run_element_on, start_warnings,
+    ElementCsv, ElementRow, ElementSummary, RowRequests, run_element_on, start_note, start_warnings,
 };
 use scene_reader::{Document, InputError, Kind, read_element_test};
 use std::cell::RefCell;
@@ -122,6 +122,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let end = run_element_on(&test, packing, requests, &mut |row| {
         if row.increment == 0 {
             start_warnings(&test, row).iter().for_each(|text| progress_line.say(format_args!("warning: {text}")));
+            start_note(&test, row).iter().for_each(|text| progress_line.say(format_args!("note: {text}")));
         }
         rows.add(row);
         rows.draw(row, arguments.contacts.as_deref());
@@ -233,11 +234,18 @@ impl Write for SharedBuffer {
 }
 
 fn closing(summary: &ElementSummary) -> String {
-    let fallbacks = summary.fallbacks().into_iter().map(|(what, rows)| format!("{what}: {rows} rows"));
+    let fallbacks = summary.fallbacks().into_iter().map(|(what, rows)| format!("{what}: {}", rows_in_words(rows)));
     let fallbacks: Vec<String> = fallbacks.chain(summary.listed_forces.warning()).collect();
     let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };
     format!(
-        "{} rows, {} trials, {} DEM steps; fallbacks: {fallbacks}",
-        summary.rows, summary.trials, summary.dem_steps
+        "{}, {} trials, {} force evaluations; fallbacks: {fallbacks}",
+        rows_in_words(summary.rows),
+        summary.trials,
+        summary.dem_steps
     )
+}
+
+/// A number of rows in words.
+pub(super) fn rows_in_words(count: u64) -> String {
+    format!("{count} {}", if count == 1 { "row" } else { "rows" })
 }

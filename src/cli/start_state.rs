@@ -24,6 +24,9 @@ pub(crate) const MISMATCH: f64 = 0.1;
 /// Largest over smallest radius above which a packing is likely to mix units.
 const WIDEST_GRADING: f64 = 1e3;
 
+/// Coefficient of friction, of 72 degrees, above which an angle was probably given.
+const LARGEST_FRICTION: f64 = 3.0;
+
 /// Meshes with more points are not assembled for a check.
 const MOST_POINTS: usize = 50_000;
 
@@ -45,6 +48,8 @@ pub(crate) struct PackingState {
     pub(crate) listed_forces: ListedForces,
     /// Largest over smallest radius.
     pub(crate) radius_ratio: f64,
+    /// Coefficient of friction of the contact law.
+    pub(crate) friction: f64,
     /// Whether it holds together and is far from equilibrium under the contact law.
     pub(crate) is_far_from_rest: bool,
 }
@@ -79,6 +84,7 @@ impl PackingState {
             coordination_no_rattlers: answer.observed.coordination_number_no_rattlers,
             listed_forces: cell.listed_forces(),
             radius_ratio: largest / smallest,
+            friction: definition.contact.friction,
             is_far_from_rest: cell.is_far_from_rest(&answer),
         })
     }
@@ -142,6 +148,12 @@ impl PackingState {
                 self.scalars.max_overlap_ratio
             ));
         }
+        if self.friction > LARGEST_FRICTION {
+            remarks.push(format!(
+                "contact.friction = {} is the coefficient of friction, the tangent of the angle, not the angle",
+                self.friction
+            ));
+        }
         if self.radius_ratio > WIDEST_GRADING {
             let ratio = self.radius_ratio;
             remarks.push(format!(
@@ -193,9 +205,9 @@ fn comparison(scene: &Scene, packing: &PackingState, imbalance: f64) -> String {
 }
 
 /// Remedy if loads and packing do not match, and cells are not prepared.
-const REMEDY: &str = "start at the stress of the packing (a pressure with history = \"constant\") and apply the \
-                                 loads in a stage (history = \"ramp\"), or prepare another packing with `grainspan pack`; \
-                                 `grainspan check` compares both";
+const REMEDY: &str = "make the pressures those that the packing has, or start at the stress of the packing (pressures are constant from \
+                      the first step on unless a history says otherwise) and apply the loads in a stage of its own (history = \"ramp\"), or prepare \
+                      another packing with `grainspan pack`; `grainspan check` compares both";
 
 /// Remedy if loads and stress at the start do not match.
 pub(crate) fn remedy(scene: &Scene) -> &'static str {

@@ -2,6 +2,7 @@
 //!
 //! The rows come in the order of the values whatever ends first, so the table has the same bytes for any number of jobs.
 
+use super::rve_test::rows_in_words;
 use crate::exit::{Exit, Failure};
 use crate::side_by_side::{cores, side_by_side};
 use crate::stderr::tell;
@@ -110,7 +111,8 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     let results = run_side_by_side(common, sweeps, &combinations, &interrupt);
     let found = Findings::of(sweeps, &combinations, results)?;
     if !common.quiet && !found.fallbacks.is_empty() {
-        let all: Vec<String> = found.fallbacks.iter().map(|(what, rows)| format!("{what}: {rows} rows")).collect();
+        let all: Vec<String> =
+            found.fallbacks.iter().map(|(what, rows)| format!("{what}: {}", rows_in_words(*rows))).collect();
         tell(format_args!("fallbacks: {}", all.join(", ")));
     }
     // Tests none of which could begin have no table, and leave an earlier one alone.

@@ -35,7 +35,7 @@ pub use probe::{
 };
 pub use recorder::{RecordPlan, Recorder, StageOutput};
 pub use summary::{AccuracySummary, BalanceSummary, CheckpointSummary, RunStatus, Shortcut, Summary, TimeShares};
-pub use units::is_field;
+pub use units::{HISTORY_COLUMNS, is_field};
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -59,7 +59,7 @@ pub(super) fn write_units(path: &Path, plan: &RecordPlan, dimension: Dimension) 
 
 /// Units of the columns of `history.csv` and `probe_errors.csv`.
 pub(super) fn history_units(plan: &RecordPlan, dimension: Dimension) -> Units {
-    let mut history: Units = HISTORY.into_iter().map(own).collect();
+    let mut history: Units = HISTORY_COLUMNS.into_iter().map(own).collect();
     history.extend(plan.probes.iter().map(|probe| (probe.name.clone(), probe.quantity.unit(dimension))));
     history
 }
@@ -101,7 +101,8 @@ fn volume(dimension: Dimension) -> &'static str {
     }
 }
 
-const HISTORY: [(&str, &str); 14] = [
+/// Columns of a history that are no probes, with their units.
+pub const HISTORY_COLUMNS: [(&str, &str); 14] = [
     ("step", "-"),
     ("time", "s"),
     ("load", "-"),

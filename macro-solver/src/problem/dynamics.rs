@@ -259,7 +259,7 @@ pub struct DynamicSettings {
     /// Velocities of node sets at the start of the stage; of several, the last holds. Elsewhere those at the end of the stage before,
     /// if it was dynamic, or none.
     #[serde(rename = "initial_velocity")]
-    #[schemars(with = "Vec<InitialVelocityKeys>", extend("x-unit" = "m/s"))]
+    #[schemars(with = "Vec<InitialVelocityKeys>")]
     pub initial_velocities: Vec<InitialVelocity>,
     /// Side sets that let waves out (Lysmer and Kuhlemeyer 1969). Where a stage before had a support or a link that this one does not
     /// have, the side goes on bearing what that bore.

@@ -5,8 +5,8 @@ use crate::simd::Real;
 
 /// Two spheres of one isotropic material.
 ///
-/// With `R* = R1 R2 / (R1 + R2)`, `E' = G / (1 - nu)` and `G* = G / (2 (2 - nu))`: `-f_n = 4/3 E' sqrt(R*) h^(3/2)`, hence
-/// `k_n = 2 E' sqrt(R* h)`, and `k_t = 8 G* sqrt(R* h)`. Erratum: the text version of [Liu2015] eq. 54 seems to give `k_n`
+/// With `R* = R1 R2 / (R1 + R2)`, `E' = G / (1 - nu)` and `G* = G / (2 (2 - nu))`: `-f_n = 4/3 E' sqrt(R*) delta^(3/2)`, hence
+/// `k_n = 2 E' sqrt(R* delta)`, and `k_t = 8 G* sqrt(R* delta)`. Erratum: the text version of [Liu2015] eq. 54 seems to give `k_n`
 /// a leading 2 in place of a square root of 2; that would be stiffer by the square root of 2 and would not go with its
 /// own `k_t`.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -22,7 +22,7 @@ impl NormalStiffness {
     }
 }
 
-/// `-f_n = k_n h` with the overlap `h`, m; `k_t` is constant.
+/// `-f_n = k_n delta` with the overlap `delta`, m; `k_t` is constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearSprings {
     /// How k_n follows from the radii.

@@ -16,6 +16,7 @@ mod removal;
 pub mod report;
 mod rotation;
 mod servo;
+mod soft_grains;
 mod stress_target;
 
 pub use at_stress::PreparedCell;
@@ -29,4 +30,5 @@ pub use recipe::{AnisotropyTarget, PackingRecipe, Removal, StateTarget};
 pub use removal::WeakenedPacking;
 pub(crate) use report::anisotropy_of_fabric;
 pub use report::{PackingReport, Requirement, Searches};
+pub use soft_grains::{SoftGrains, soft_grains};
 pub use stress_target::StressTarget;

@@ -110,7 +110,7 @@ impl Document {
     }
 
     /// What the file is, if one of its keys tells.
-    fn kind(&self) -> Option<Kind> {
+    pub(crate) fn kind(&self) -> Option<Kind> {
         // Of the file itself: an override cannot make it another kind.
         let root = self.parse(&self.text).ok()?;
         Kind::ALL.into_iter().find(|kind| root.get(kind.mark()).is_some())
@@ -241,9 +241,17 @@ impl Document {
 
     fn toml_error(&self, error: &toml::de::Error) -> InputError {
         let message = error.message().trim().replace('\n', ", ");
-        match error.span() {
+        let is_twice = message.starts_with("duplicate key");
+        let error = match error.span() {
             Some(span) => self.error_at(span, message),
             None => self.error(message),
+        };
+        if is_twice {
+            error.hint(
+                "write each key and each [table] once; entries of a list have double brackets, as in [[boundary]]",
+            )
+        } else {
+            error
         }
     }
 

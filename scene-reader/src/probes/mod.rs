@@ -16,27 +16,9 @@ use super::sets::Sets;
 use super::tables::{PoreFluidTable, ProbeKind, ProbeTable, SceneFile};
 use keys::Located;
 use keys_of_probe::Keys;
-use macro_solver::output::{BandProbe, BandProperty, FieldProbe, Probe, Quantity, Statistic};
+use macro_solver::output::{BandProbe, BandProperty, FieldProbe, HISTORY_COLUMNS, Probe, Quantity, Statistic};
 use macro_solver::problem::{Axis, PoreFluid};
 use measure::{Word, bare_measure, measure};
-
-/// Columns that every history has, that of a run with several stages, and those of a run with an estimated error.
-const TAKEN: [&str; 14] = [
-    "step",
-    "time",
-    "load",
-    "iterations",
-    "evaluations",
-    "stage",
-    "cut_backs",
-    "stabilised",
-    "committed_iterates",
-    "strain_per_step",
-    "estimated_error",
-    "estimated_error_of_mean",
-    "balance_error",
-    "balance_error_of_mean",
-];
 
 /// What probes refer to.
 pub(super) struct ProbeContext<'a> {
@@ -98,7 +80,7 @@ pub(super) fn probes(context: &ProbeContext<'_>) -> Result<Vec<Probe>, InputErro
             let hint = "leave out the bracket, or the space before it";
             return Err(document.error_at(table.get_ref().name.span(), problem).hint(hint));
         }
-        if TAKEN.contains(&name.as_str()) || probes.iter().any(|probe| probe.name == *name) {
+        if HISTORY_COLUMNS.iter().any(|(taken, _)| taken == name) || probes.iter().any(|probe| probe.name == *name) {
             let problem = format!("a probe cannot be named '{name}': the history already has that column");
             return Err(document.error_at(table.get_ref().name.span(), problem).hint("choose another name"));
         }
@@ -160,12 +142,10 @@ fn field(keys: &Keys<'_>, kind: ProbeKind) -> Result<FieldProbe, InputError> {
     let Some((measure, has_component)) = measure(&word, probe.component.as_ref())? else {
         return Err(word.not_at_points());
     };
-    let is_energy =
-        matches!(kind, ProbeKind::ElasticEnergy | ProbeKind::FrictionalDissipation | ProbeKind::DampingWork);
     let allowed = [
         ("component", has_component),
         ("part", true),
-        ("statistic", !is_energy),
+        ("statistic", !measure.is_energy_density()),
         ("reference", measure.has_reference()),
     ];
     let allowed: Vec<&str> = allowed.iter().filter(|(_, is_used)| *is_used).map(|(key, _)| *key).collect();

@@ -1,8 +1,8 @@
 //! `[[profile]]`.
 
+use super::ProbeContext;
 use super::measure::{Word, measure};
 use super::part::part;
-use super::{ProbeContext, ProbeKind};
 use crate::input_error::InputError;
 use crate::tables::ProfileTable;
 use keys::Located;
@@ -53,9 +53,7 @@ fn profile(context: &ProbeContext<'_>, table: &ProfileTable) -> Result<Profile, 
     if let Some(reference) = table.reference.as_ref().filter(|_| !measure.has_reference()) {
         return Err(superfluous("reference", reference.span()));
     }
-    let is_energy =
-        matches!(kind, ProbeKind::ElasticEnergy | ProbeKind::FrictionalDissipation | ProbeKind::DampingWork);
-    if let Some(keyword) = table.statistic.as_ref().filter(|_| is_energy) {
+    if let Some(keyword) = table.statistic.as_ref().filter(|_| measure.is_energy_density()) {
         return Err(superfluous("statistic", keyword.span()));
     }
     let axis = axis(context, &table.axis)?;

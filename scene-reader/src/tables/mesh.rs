@@ -56,3 +56,13 @@ pub(crate) enum Generator {
     /// `axis_y`: nodes on the axes. Corners and middle nodes lie on circles.
     Ring,
 }
+
+protocol::keywords! {
+    pub(crate) Generator {
+        Block => "block",
+        Slope => "slope",
+        Footing => "footing",
+        Wall => "wall",
+        Ring => "ring",
+    }
+}

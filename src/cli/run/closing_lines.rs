@@ -105,7 +105,7 @@ pub(super) fn closing_lines(
         let smaller = summary.prepared.get("in_smaller_steps").copied().unwrap_or(0);
         lines.push(("initial stress", format!("{cells} cells brought to it, {smaller} of them in smaller steps")));
     }
-    lines.push(("warnings", warnings(summary)));
+    lines.push(("warnings", warnings(summary, !starts_in_motion && !run.has_no_start())));
     lines.push(match listed(&summary.fallback_groups, Concern::Harmless) {
         found if found.is_empty() => ("fallbacks", "none".to_owned()),
         found => ("fallbacks", format!("{found} (no effect on accuracy, {EXPLAINED})")),
@@ -125,7 +125,8 @@ pub(super) fn closing_lines(
 }
 
 /// What may have cost accuracy.
-fn warnings(summary: &Summary) -> String {
+/// `starts_in_balance`: step 0 has found an equilibrium.
+fn warnings(summary: &Summary, starts_in_balance: bool) -> String {
     let counted = listed(&summary.fallback_groups, Concern::LookAtThis);
     let counted = (!counted.is_empty()).then(|| format!("{counted} ({EXPLAINED})"));
     let residual = summary.energy.get("relative_residual").copied().unwrap_or(0.0);
@@ -157,7 +158,12 @@ fn warnings(summary: &Summary) -> String {
              mass_factor adds less)"
         )
     });
-    let all: Vec<String> = counted.into_iter().chain(open).chain(off).chain(unstable).chain(heavier).collect();
+    let unprepared = (starts_in_balance && summary.initial_imbalance > MISMATCH).then(|| {
+        "the packing was not prepared under the initial loads, and step 0 has strained it (see initial residual)"
+            .to_owned()
+    });
+    let all = [unprepared, counted, open, off, unstable, heavier];
+    let all: Vec<String> = all.into_iter().flatten().collect();
     if all.is_empty() { "none".to_owned() } else { all.join("; ") }
 }
 
@@ -193,7 +199,7 @@ fn checkpoints(figures: &CheckpointSummary) -> String {
         count => format!(", continued {count} times"),
     };
     match figures.written {
-        0 => format!("none written, {:.3} s ({share:.2} %){resumed}", figures.seconds),
+        0 => format!("none written; collecting the state took {:.3} s ({share:.2} %){resumed}", figures.seconds),
         count => format!("{count} of {size:.2} MB, {:.3} s ({share:.2} %){resumed}", figures.seconds),
     }
 }

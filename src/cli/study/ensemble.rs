@@ -3,12 +3,11 @@
 
 use super::curve::{Collector, Path, value};
 use super::statistics::{PowerFit, Statistics};
-use crate::cli::pack::{SoftGrains, soft_grains};
 use crate::exit::Failure;
 use crate::side_by_side::side_by_side;
 use protocol::TangentKind;
 use rve_server::definition::Packing;
-use rve_server::preparation::{PackingRecipe, generate_any};
+use rve_server::preparation::{PackingRecipe, SoftGrains, generate_any, soft_grains};
 use rve_server::programs::rve_test::run_element_on;
 use scene_reader::{Ensemble, RowMeasure, Study};
 use std::num::NonZeroUsize;

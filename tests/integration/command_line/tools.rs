@@ -56,7 +56,7 @@ fn an_element_test_says_at_once_that_its_packing_and_its_path_do_not_match() {
     let text = said(&["--set", "contact.modulus=1e11"]);
     let warning = "warning: the packing has sigma_xx = -";
     assert!(text.contains(warning) && text.contains("contact.modulus or normal_stiffness"), "{text}");
-    let counted = "differ more than tenfold (units, thickness, modulus?): 1 rows";
+    let counted = "differ more than tenfold (units, thickness, modulus?): 1 row";
     assert!(text.contains(counted), "{text}");
     let text = said(&["--sweep", "contact.modulus=1e8,1e11"]);
     assert!(text.contains(counted), "{text}");

@@ -75,11 +75,10 @@ pub enum Statistic {
 impl FieldProbe {
     /// Unit of the value; `-` if it has none. Energies are sums over the part, in the plane per metre of thickness.
     pub fn unit(&self, dimension: Dimension) -> &'static str {
-        match (self.measure, self.statistic) {
-            (Measure::ElasticEnergy | Measure::FrictionalDissipation | Measure::DampingWork, Statistic::Mean) => {
-                energy(dimension)
-            }
-            _ => self.measure.unit(),
+        if self.measure.is_energy_density() && self.statistic == Statistic::Mean {
+            energy(dimension)
+        } else {
+            self.measure.unit()
         }
     }
 

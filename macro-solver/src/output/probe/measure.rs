@@ -142,6 +142,11 @@ impl Measure {
         }
     }
 
+    /// Whether the value is an energy per volume, whose sum over a part of the body takes the place of its mean.
+    pub fn is_energy_density(&self) -> bool {
+        matches!(self, Self::ElasticEnergy | Self::FrictionalDissipation | Self::DampingWork)
+    }
+
     /// Whether the value depends on the state from which deformation is counted.
     pub fn has_reference(&self) -> bool {
         matches!(

@@ -48,7 +48,7 @@ struct Trial<S: Space> {
     state: GrainState<S>,
     network: ContactNetwork<S>,
     /// Its target and ramp.
-    h: S::Tensor,
+    gradient: S::Tensor,
     ramp_steps: u32,
     /// Its stress, Pa.
     stress: S::Tensor,
@@ -76,7 +76,7 @@ impl<S: Space> View<S> {
 /// The stretch of a target, as the solver gets it.
 #[derive(Clone, Copy, Debug)]
 struct Stretch<S: Space> {
-    h: S::Tensor,
+    gradient: S::Tensor,
     polar: PolarParts<S>,
     ramp_steps: u32,
 }
@@ -282,9 +282,9 @@ impl<S: SolverFor> GrainRve<S> {
         self.trial.as_ref()?.energies
     }
 
-    fn solve(&mut self, h: &S::Tensor, options: &TrialOptions) -> Result<TrialResult, RveError> {
+    fn solve(&mut self, gradient: &S::Tensor, options: &TrialOptions) -> Result<TrialResult, RveError> {
         let started = Instant::now();
-        let stretch = self.stretch(h, options)?;
+        let stretch = self.stretch(gradient, options)?;
         let job = SolveJob {
             state: &self.committed,
             strain: stretch.polar.strain,
@@ -296,8 +296,8 @@ impl<S: SolverFor> GrainRve<S> {
     }
 
     /// The stretch of a target, as the solver gets it.
-    fn stretch(&self, h: &S::Tensor, options: &TrialOptions) -> Result<Stretch<S>, RveError> {
-        let polar = S::polar(h);
+    fn stretch(&self, gradient: &S::Tensor, options: &TrialOptions) -> Result<Stretch<S>, RveError> {
+        let polar = S::polar(gradient);
         // Only the stretch is solved for; a rotation costs nothing and needs no limit.
         let (norm, limit) = (norm(&polar.strain), self.model.options.largest_target());
         if norm > limit {
@@ -307,7 +307,7 @@ impl<S: SolverFor> GrainRve<S> {
             0 => chosen_ramp_steps(&polar.strain, self.model.options.strain_per_step()),
             given => given,
         };
-        Ok(Stretch { h: *h, polar, ramp_steps })
+        Ok(Stretch { gradient: *gradient, polar, ramp_steps })
     }
 
     /// Makes the end of a solve from the committed state the trial state, and answers.
@@ -351,14 +351,14 @@ impl<S: SolverFor> GrainRve<S> {
             solve_nanoseconds: nanoseconds,
             tangent_nanoseconds: 0,
         };
-        let f = add_scaled(&S::Tensor::IDENTITY, 1.0, &stretch.h);
+        let f = add_scaled(&S::Tensor::IDENTITY, 1.0, &stretch.gradient);
         let view = View { network, state, stress, f };
         let mut answer = self.answer(&view, elastic_energy, options.observables, cost, flags);
         let View { network, state, stress, .. } = view;
         // The network keeps the names of the contacts that the answer was computed with.
         let state = reduced(state);
         let Solved { ramp_steps, energies, .. } = solved;
-        self.trial = Some(Trial { state, network, h: stretch.h, ramp_steps, stress, energies });
+        self.trial = Some(Trial { state, network, gradient: stretch.gradient, ramp_steps, stress, energies });
         self.add_tangent(&mut answer, options.tangent);
         answer
     }
@@ -438,7 +438,7 @@ impl<S: SolverFor> GrainRve<S> {
             model: &self.model,
             contact: &self.contact,
             start: &self.committed,
-            h: &trial.h,
+            h: &trial.gradient,
             ramp_steps: trial.ramp_steps,
             network: &trial.network,
             stress: &trial.stress,
@@ -450,9 +450,9 @@ impl<S: SolverFor> GrainRve<S> {
 impl<S: SolverFor> RveSolver for GrainRve<S> {
     fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError> {
         self.trial = None;
-        let h = checked_target(target)?;
+        let gradient = checked_target(target)?;
         self.reduce_friction(options.friction_reduction)?;
-        if self.stays(&h, options) { self.stay(options) } else { self.solve(&h, options) }
+        if self.stays(&gradient, options) { self.stay(options) } else { self.solve(&gradient, options) }
     }
 
     fn model_identity(&self) -> Option<ContentId> {
@@ -506,15 +506,15 @@ fn checked_target<T: Tensor>(target: &Tensor2) -> Result<T, RveError> {
     if !target.is_finite() {
         return Err(RveError::TargetNotFinite);
     }
-    let h = of_space(target);
-    if *target != in_space(&h) {
+    let gradient = of_space(target);
+    if *target != in_space(&gradient) {
         return Err(RveError::Unsupported("deformation out of the plane".into()));
     }
-    let determinant = determinant(&add_scaled(&T::IDENTITY, 1.0, &h));
+    let determinant = determinant(&add_scaled(&T::IDENTITY, 1.0, &gradient));
     if determinant <= 0.0 {
         return Err(RveError::TargetInverted { determinant });
     }
-    Ok(h)
+    Ok(gradient)
 }
 
 fn nanoseconds_since(started: Instant) -> u64 {

@@ -30,12 +30,12 @@ impl<S: SolverFor> GrainRve<S> {
         let mut answers: Vec<Option<TrialOutcome>> = requests.iter().map(|_| None).collect();
         let mut prepared = Vec::new();
         for (place, request) in requests.iter().enumerate() {
-            let stretched = checked_target::<S::Tensor>(&request.target).and_then(|h| {
-                if self.stays(&h, &request.options) {
+            let stretched = checked_target::<S::Tensor>(&request.target).and_then(|gradient| {
+                if self.stays(&gradient, &request.options) {
                     return Ok(None);
                 }
                 let state = opened(request.state, request.definition, self.model.radii.len())?;
-                Ok(Some((state, self.stretch(&h, &request.options)?)))
+                Ok(Some((state, self.stretch(&gradient, &request.options)?)))
             });
             match stretched {
                 Ok(Some((state, stretch))) => {

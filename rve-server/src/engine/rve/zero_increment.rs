@@ -21,8 +21,8 @@ impl<S: SolverFor> GrainRve<S> {
 
     /// Whether the committed state is the answer to this target. With less friction than that of the definition it need not be at rest: it
     /// may have been reached with more.
-    pub(super) fn stays(&self, h: &S::Tensor, options: &TrialOptions) -> bool {
-        *h == S::Tensor::ZERO && !self.model.options.relax_zero_increments && options.friction_reduction == 0.0
+    pub(super) fn stays(&self, gradient: &S::Tensor, options: &TrialOptions) -> bool {
+        *gradient == S::Tensor::ZERO && !self.model.options.relax_zero_increments && options.friction_reduction == 0.0
     }
 
     /// Lets the grains come to rest where the cell is, and makes that the trial state.
@@ -49,7 +49,7 @@ impl<S: SolverFor> GrainRve<S> {
         let View { network, state, stress, .. } = view;
         let ramp_steps = options.ramp_steps.max(1);
         let energies = self.counts_energies.then(PathEnergies::default);
-        self.trial = Some(Trial { state, network, h: S::Tensor::ZERO, ramp_steps, stress, energies });
+        self.trial = Some(Trial { state, network, gradient: S::Tensor::ZERO, ramp_steps, stress, energies });
         self.add_tangent(&mut answer, options.tangent);
         Ok(answer)
     }

@@ -29,7 +29,7 @@ pub use error::ElementError;
 pub use requests::RowRequests;
 pub use row::ElementRow;
 pub use run::{run_element, run_element_on};
-pub use start_check::start_warnings;
+pub use start_check::{start_note, start_warnings};
 pub use stress_control::StressControl;
 pub use summary::{ElementEnd, ElementSummary};
 pub use test_file::{Components, ElementTest, Segment};

@@ -8,6 +8,9 @@ use super::test_file::{COMPONENT_KEYS, ElementTest};
 /// Largest factor between the stress of the packing and the first targets that is taken to be meant.
 const FARTHEST: f64 = 10.0;
 
+/// Difference over the largest direct stress of the packing from which on a stress counts as changed by the path.
+const CHANGED: f64 = 0.01;
+
 /// Places of the direct components in a row-major tensor.
 const DIRECT: [usize; 3] = [0, 4, 8];
 
@@ -39,6 +42,30 @@ pub fn start_warnings(test: &ElementTest, row: &ElementRow) -> Vec<String> {
         )
     });
     targets.into_iter().chain(dense).collect()
+}
+
+/// A remark on row 0 of `test` if its first segment strains the packing and changes a direct stress meanwhile: most paths mean to keep it.
+pub fn start_note(test: &ElementTest, row: &ElementRow) -> Option<String> {
+    let segment = test.path.first()?;
+    let is_strained = segment.strain.values().into_iter().flatten().any(|component| component != 0.0);
+    let found = |place: usize| row.stress[place / 3][place % 3];
+    let largest = DIRECT.into_iter().map(|place| found(place).abs()).fold(0.0, f64::max);
+    let targets = segment.stress.values();
+    let wanted = DIRECT.into_iter().filter_map(|place| Some((place, targets[place]?)));
+    let (place, wanted) = wanted.max_by(|one, other| {
+        let miss = |(place, wanted): &(usize, f64)| (wanted - found(*place)).abs();
+        miss(one).total_cmp(&miss(other))
+    })?;
+    let is_told = is_strained && (wanted - found(place)).abs() > CHANGED * largest;
+    (is_told && !is_far_from_targets(test, &row.stress)).then(|| {
+        format!(
+            "the packing has sigma_{0} = {1:.3e} Pa and the first segment ends at {2:.3e} Pa: this stress changes linearly over the whole segment; to \
+             keep it constant, prescribe that of the packing, prepare the packing at this stress, or bring it there in a segment of stresses alone",
+            COMPONENT_KEYS[place],
+            found(place),
+            wanted
+        )
+    })
 }
 
 /// The direct stress with the largest target of the first segment, Pa, tension positive.
@@ -100,15 +127,16 @@ mod tests {
             if let Packing::Discs(discs) = &mut packing {
                 discs.grains.iter_mut().for_each(|grain| grain[2] *= swelling);
             }
-            let mut told = Vec::new();
+            let (mut told, mut note) = (Vec::new(), None);
             let end = run_element_on(&test, packing, TangentKind::None, &mut |row| {
-                told = start_warnings(&test, row);
+                (told, note) = (start_warnings(&test, row), start_note(&test, row));
                 ControlFlow::Break(())
             });
-            (told, end.summary)
+            (told, note, end.summary)
         };
         let biaxial = "strain = { yy = -0.01 }\nstress = { xx = -1e5 }";
-        let (told, summary) = begun(1e11, 1.0, biaxial);
+        let (told, note, summary) = begun(1e11, 1.0, biaxial);
+        assert!(note.is_none(), "the warning says it: {note:?}");
         let expected = [
             "sigma_xx = -1.00",
             "Pa and the path begins with sigma_xx = -1.000e5 Pa",
@@ -118,12 +146,16 @@ mod tests {
         assert!(told.len() == 1 && expected.iter().all(|part| told[0].contains(part)), "{told:?}");
         assert_eq!(summary.far_from_targets, 1);
         assert!(summary.fallbacks().iter().any(|(what, rows)| what.contains("more than tenfold") && *rows == 1));
-        let (told, summary) = begun(1e8, 1.3, "strain = { yy = -0.01 }");
+        let (told, _, summary) = begun(1e8, 1.3, "strain = { yy = -0.01 }");
         assert!(told.len() == 1 && told[0].contains("void ratio of the packing is -0."), "{told:?}");
         assert_eq!((summary.far_from_targets, summary.negative_void_ratio), (0, 1));
         for path in [biaxial, "stress = { xx = -5e5, yy = -5e5 }", "stress = { xx = 0.0, yy = 0.0 }"] {
-            let (told, summary) = begun(1e8, 1.0, path);
-            assert!(told.is_empty() && summary.far_from_targets == 0, "{path}: {told:?}");
+            let (told, note, summary) = begun(1e8, 1.0, path);
+            assert!(told.is_empty() && note.is_none() && summary.far_from_targets == 0, "{path}: {told:?} {note:?}");
         }
+        // The packing has 100 kPa.
+        let (told, note, _) = begun(1e8, 1.0, "strain = { yy = -0.01 }\nstress = { xx = -2e5 }");
+        assert!(told.is_empty(), "{told:?}");
+        assert!(note.as_ref().is_some_and(|note| note.contains("ends at -2.000e5 Pa")), "{note:?}");
     }
 }
