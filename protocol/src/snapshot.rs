@@ -71,6 +71,11 @@ pub fn open<'a>(engine: &str, bytes: &'a [u8]) -> Result<&'a [u8], SnapshotError
     if envelope.checksum != checksum(envelope.payload) {
         return Err(SnapshotError::Checksum);
     }
+    // The payload is the last field, so bytes behind it belong to nothing.
+    let behind = bytes.as_ptr_range().end as usize - envelope.payload.as_ptr_range().end as usize;
+    if behind > 0 {
+        return Err(SnapshotError::Malformed(format!("{behind} bytes follow its end")));
+    }
     Ok(envelope.payload)
 }
 
@@ -100,5 +105,9 @@ mod tests {
         assert_eq!(open("grains", &out), Err(SnapshotError::Checksum));
         assert!(matches!(open("grains", &out[..20]), Err(SnapshotError::Malformed(_))));
         assert!(matches!(open("grains", b""), Err(SnapshotError::Malformed(_))));
+        out[last] ^= 1;
+        out.push(7);
+        let error = open("grains", &out).unwrap_err();
+        assert_eq!(error, SnapshotError::Malformed("1 bytes follow its end".into()));
     }
 }

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
 import sys
 from pathlib import Path
 
 from .errors import StartError
 
 _VARIABLE = "GRAINSPAN_PROGRAM"
+
+#: The C library, loaded before any process is started: between fork and exec there is no safe time for it.
+_C_LIBRARY = ctypes.CDLL(None)
+
+#: Number of the operation of ``prctl`` by which the system signals a process when its parent ends.
+_SIGNAL_AT_END_OF_PARENT = 1
+
+
+def end_with_parent() -> None:
+    """Called in a process that is started: it is asked to end in good order when this one ends, however that happens.
+
+    Without it, a run that a job script began would go on alone when the scheduler ends the script.
+    """
+    _C_LIBRARY.prctl(_SIGNAL_AT_END_OF_PARENT, signal.SIGTERM)
 
 
 def executable() -> Path:

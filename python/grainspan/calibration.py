@@ -112,6 +112,8 @@ def calibrate(
     except ImportError as error:
         raise ImportError("calibration needs SciPy: pip install 'grainspan[calibration]'") from error
     several = [packings] if isinstance(packings, (str, os.PathLike, Packing)) else list(packings)
+    if not several or not parameters:
+        raise InputError("a calibration needs at least one packing and one parameter")
     names = list(parameters)
     first, lowest, highest = np.array([parameters[name] for name in names], dtype=float).T
     if not (np.all(lowest < highest) and np.all(lowest <= first) and np.all(first <= highest)):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import _toml
-from ._program import executable
+from ._program import end_with_parent, executable
 from .errors import InputError
 
 
@@ -158,6 +158,9 @@ def pack(recipe: str | os.PathLike[str] | Mapping[str, Any], out: str | os.PathL
     InputError
         The recipe is not sound, or its targets cannot be reached.
     """
+    # Known before the packing is made, which may take minutes.
+    if out is not None and not Path(out).parent.is_dir():
+        raise InputError(f"there is no folder {Path(out).parent} to write {Path(out).name} to")
     with tempfile.TemporaryDirectory(prefix="grainspan-") as folder:
         if isinstance(recipe, Mapping):
             source = Path(folder) / "recipe.toml"
@@ -168,7 +171,7 @@ def pack(recipe: str | os.PathLike[str] | Mapping[str, Any], out: str | os.PathL
         command = [str(executable()), "pack", str(source), "--out", str(made)]
         for key, value in keys.items():
             command += ["--set", f"{key.replace('__', '.')}={_toml._value(value)}"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=end_with_parent)
         if done.returncode != 0:
             raise InputError(done.stderr.strip())
         packing = Packing(json.loads(made.read_text(encoding="utf-8")), report=(done.stdout + done.stderr).strip())

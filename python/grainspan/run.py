@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _toml, fields
-from ._program import executable
+from ._program import end_with_parent, executable
 from .errors import RunFailed
 from .history import History, read_history
 
@@ -81,7 +81,7 @@ def run(
     scene : path or mapping
         Scene file, or its keys. Paths in a mapping are relative to the current folder.
     out : path, optional
-        Output folder; ``out/NAME`` without.
+        Output folder; ``out/NAME`` without, where NAME is that of the scene, or of ``set``.
     workers : int, optional
         Worker processes; one per core without.
     set : mapping, optional
@@ -112,7 +112,8 @@ def run(
             source = Path(scene)
             # A file that cannot be read is reported by the program.
             name = _toml.read(source).get("name", source.stem) if source.exists() else source.stem
-        folder = Path(out) if out is not None else Path("out") / name
+        name = (set or {}).get("name", name)
+        folder = Path(out) if out is not None else Path("out") / str(name)
         command = [str(executable()), "run", str(source), "--out", str(folder)]
         command += ["--workers", str(workers)] if workers is not None else []
         command += ["--resume"] if resume else []
@@ -160,7 +161,9 @@ def _followed(command: list[str], folder: Path, on_step, bar) -> None:
     begun = datetime.now(timezone.utc)
     with tempfile.TemporaryFile("w+", encoding="utf-8") as messages:
         # A process group of its own: Ctrl-C is for this process, which then stops the run in good order.
-        child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=messages, start_new_session=True)
+        child = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=messages, start_new_session=True, preexec_fn=end_with_parent
+        )
         try:
             for event in _events(child, folder / "run.jsonl"):
                 if event.get("event") != "step" or datetime.fromisoformat(event["timestamp"]) < begun:

@@ -61,6 +61,8 @@ def test_bad_requests_are_refused():
     target = biaxial(grainspan.Rve(DISCS, CONTACT, accuracy="draft"))
     with pytest.raises(grainspan.InputError, match="order of size"):
         grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.9, 0.1)}, biaxial)
+    with pytest.raises(grainspan.InputError, match="at least one packing"):
+        grainspan.calibrate([], CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, biaxial)
     with pytest.raises(grainspan.InputError, match="no column colour"):
         grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, biaxial, columns=["colour"])
     with pytest.raises(grainspan.InputError, match="the test gives no column stress_ratio"):

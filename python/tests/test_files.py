@@ -2,6 +2,8 @@
 
 import copy
 import shutil
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -98,6 +100,49 @@ def test_a_scene_may_be_a_mapping(finished, tmp_path):
     scene["boundary"][2]["displacement"]["y"] = -1e-4
     run = grainspan.run(scene, out=tmp_path / "out", workers=1)
     np.testing.assert_array_equal(run.history.to_numpy(), finished[0].history.to_numpy())
+
+
+def test_a_run_is_called_as_its_changes_say(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    # Both went to the folder of the scene's own name, the second over the first.
+    changes = {"loading.increments": 1, "boundary.2.displacement.y": -1e-5}
+    runs = [grainspan.run(SCENE, workers=1, set={**changes, "name": name}) for name in ("one", "two")]
+    assert [run.folder.as_posix() for run in runs] == ["out/one", "out/two"]
+    assert all(len(run.history) == 2 for run in runs)
+
+
+def test_a_run_ends_with_the_process_that_began_it(tmp_path):
+    out = tmp_path / "out"
+    text = f"import grainspan; grainspan.run({str(SCENE)!r}, out={str(out)!r}, workers=1, set={{'loading.increments': 4000}})"
+    script = subprocess.Popen([sys.executable, "-c", text])
+    for _ in range(600):
+        if (out / "history.csv").exists():
+            break
+        time.sleep(0.05)
+    script.kill()
+    script.wait()
+    for _ in range(600):
+        if (out / "summary.json").exists():
+            break
+        time.sleep(0.05)
+    # In good order: with a summary and a checkpoint.
+    assert grainspan.Run(out).summary["status"] == "interrupted"
+    assert (out / "checkpoint.bin").exists()
+
+
+def test_files_in_other_encodings(tmp_path):
+    text = SCENE.read_text(encoding="utf-8")
+    marked, latin = tmp_path / "marked.toml", tmp_path / "latin.toml"
+    marked.write_text(text, encoding="utf-8-sig")
+    latin.write_bytes(b"name = '\xe9'")
+    assert _toml.read(marked) == _toml.read(SCENE)
+    with pytest.raises(grainspan.InputError, match="latin.toml"):
+        _toml.read(latin)
+
+
+def test_a_place_that_is_not_there_is_refused_before_a_packing_is_made(tmp_path):
+    with pytest.raises(grainspan.InputError, match="no folder"):
+        grainspan.pack(RECIPE, tmp_path / "nowhere" / "p.json")
 
 
 def test_a_run_that_fails_says_why(tmp_path):

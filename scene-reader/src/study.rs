@@ -9,7 +9,7 @@ use keys::Located;
 use rve_server::preparation::PackingRecipe;
 use rve_server::programs::rve_test::ElementTest;
 use std::ops::Range;
-use std::path::Path;
+use std::path::PathBuf;
 
 /// Strains that differ by less are the same: increments are shares of a segment.
 const SAME_STRAIN: f64 = 1e-9;
@@ -175,7 +175,7 @@ pub fn read_study(document: &Document) -> Result<Study, InputError> {
     };
     let mut recipes = Vec::new();
     for entry in file.recipe.get_ref() {
-        let recipe = recipe_of(document, entry.file.get_ref(), &entry.set)?;
+        let recipe = recipe_of(document, &entry.file, &entry.set)?;
         for &number in grains.iter().chain(grains.is_empty().then_some(&recipe.number)) {
             let sized = PackingRecipe { number, ..recipe.clone() };
             sized.validate().map_err(|error| document.error_at(place_of_grains(), error))?;
@@ -184,7 +184,7 @@ pub fn read_study(document: &Document) -> Result<Study, InputError> {
     }
     let mut tests = Vec::new();
     for entry in file.test.get_ref() {
-        let test = test_of(document, entry.file.get_ref(), &entry.set)?;
+        let test = test_of(document, &entry.file, &entry.set)?;
         tests.push(StudyTest { name: entry.name.get_ref().clone(), test, strain: entry.strain });
     }
     let mut quantities = Vec::new();
@@ -250,16 +250,26 @@ fn unique<'a>(
     Ok(found)
 }
 
-fn recipe_of(document: &Document, file: &Path, set: &[String]) -> Result<PackingRecipe, InputError> {
-    let recipe = Document::read(&document.resolve(file), set)?;
+/// Where a file lies that a study names.
+fn existing(document: &Document, file: &Located<PathBuf>) -> Result<PathBuf, InputError> {
+    let path = document.resolve(file.get_ref());
+    if path.is_file() {
+        return Ok(path);
+    }
+    let problem = format!("there is no file {}", path.display());
+    Err(document.error_at(file.span(), problem).hint("correct the path; it is relative to the folder of the study"))
+}
+
+fn recipe_of(document: &Document, file: &Located<PathBuf>, set: &[String]) -> Result<PackingRecipe, InputError> {
+    let recipe = Document::read(&existing(document, file)?, set)?;
     recipe.expect(Kind::Recipe)?;
     let read: PackingRecipe = recipe.deserialize()?;
     read.validate().map_err(|error| recipe.table_error(error))?;
     Ok(read)
 }
 
-fn test_of(document: &Document, file: &Path, set: &[String]) -> Result<ElementTest, InputError> {
-    let test = Document::read(&document.resolve(file), set)?;
+fn test_of(document: &Document, file: &Located<PathBuf>, set: &[String]) -> Result<ElementTest, InputError> {
+    let test = Document::read(&existing(document, file)?, set)?;
     test.expect(Kind::ElementTest)?;
     test.deserialize::<ElementTest>()?.validated().map_err(|error| test.table_error(error))
 }
@@ -413,6 +423,7 @@ fn chosen(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     const TEXT: &str = "seeds = 3\ngrains = [50, 100]\n[[recipe]]\nname = \"dense\"\nfile = \"packings/discs-100.toml\"\n\
         set = [\"contact.friction=0.0\"]\n[[test]]\nname = \"biaxial\"\nfile = \"scenes/rve-biaxial.toml\"\n[[quantity]]\n\

@@ -64,7 +64,10 @@ class Answer:
         for name in ("void_ratio", "coordination_number", "unbalanced_force_ratio", "max_overlap_ratio", "volume_ratio"):
             reply[f"scalars.{name}"] = getattr(self, name)
         for name in ("force_evaluations", "ramp_steps", "solve_nanoseconds", "tangent_nanoseconds"):
-            reply[f"cost.{name}"] = int(getattr(self, name))
+            cost = getattr(self, name)
+            if cost < 0 or cost != int(cost):
+                raise ValueError(f"{name} is a whole number of 0 or more, and not {cost}")
+            reply[f"cost.{name}"] = int(cost)
         for name, value in self.observed.items():
             shape = REPLY[f"observed.{name}"].shape
             if name == "mean_rotation" and shape == (3,) and numpy.ndim(value) == 0:
@@ -77,8 +80,15 @@ class Answer:
         reply["flags"] = sum(FLAGS[name] for name in self.flags)
 
 
+def _real(value):
+    value = numpy.asarray(value)
+    if numpy.iscomplexobj(value):
+        raise ValueError("stresses, tangents and other results are real numbers; one has an imaginary part")
+    return value.astype(float)
+
+
 def _tensor2(value):
-    value = numpy.asarray(value, dtype=float)
+    value = _real(value)
     if value.shape == (2, 2):
         full = numpy.zeros((3, 3))
         full[:2, :2] = value
@@ -89,7 +99,7 @@ def _tensor2(value):
 
 
 def _tensor4(value):
-    value = numpy.asarray(value, dtype=float)
+    value = _real(value)
     if value.shape in ((4, 4), (2, 2, 2, 2)):
         full = numpy.zeros((3, 3, 3, 3))
         full[:2, :2, :2, :2] = value.reshape(2, 2, 2, 2)

@@ -252,6 +252,6 @@ fn failure(error: MaterialError, place: Option<usize>) -> PoolError {
         MaterialError::Point { point, reason } => PoolError::Refused { point: place.unwrap_or(point), reason },
         MaterialError::WorkersLost(reason) => PoolError::WorkersLost(reason),
         MaterialError::Interrupted => PoolError::Interrupted,
-        MaterialError::Channel(reason) => PoolError::Channel(reason),
+        MaterialError::Channel(reason) | MaterialError::DefinitionRefused(reason) => PoolError::Channel(reason),
     }
 }

@@ -51,6 +51,9 @@ pub enum MaterialError {
     /// A stop was requested (Ctrl-C).
     #[error("interrupted")]
     Interrupted,
+    /// An engine cannot solve an RVE of the run.
+    #[error("{0}")]
+    DefinitionRefused(String),
     /// The channel to the workers failed.
     #[error("{0}")]
     Channel(String),

@@ -29,6 +29,7 @@ pub(crate) fn failure(error: MaterialError) -> Failure {
         // Asking for less would only repeat it.
         MaterialError::Point { .. } => Failure::Run(Outcome::DidNotConverge { reason: error.to_string() }),
         MaterialError::Interrupted => Failure::Run(Outcome::Interrupted),
+        MaterialError::DefinitionRefused(reason) => Failure::Run(Outcome::DefinitionRefused { reason }),
         MaterialError::WorkersLost(reason) | MaterialError::Channel(reason) => {
             Failure::Run(Outcome::WorkersLost { reason })
         }

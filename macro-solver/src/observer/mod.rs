@@ -245,6 +245,11 @@ pub enum Outcome {
     Stopped(StopRequest),
     /// The problem is not solvable as posed; nothing was evaluated.
     Refused(ProblemError),
+    /// An engine cannot solve an RVE of the run.
+    DefinitionRefused {
+        /// Its worker, Gauss point and reason.
+        reason: String,
+    },
     /// The checkpoint to continue from does not fit the problem; nothing was evaluated.
     CheckpointRefused(CheckpointError),
 }

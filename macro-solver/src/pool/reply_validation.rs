@@ -7,6 +7,12 @@ use protocol::wire::ReplyStatus;
 use protocol::{RveError, StateId, TangentKind, TrialFlags, TrialResult};
 use thiserror::Error;
 
+/// Most force evaluations that are taken for a count: months of any machine.
+const MOST_FORCE_EVALUATIONS: u64 = 1 << 53;
+
+/// Largest component of a target that rounding may hide in the state behind it.
+const UNSEEN_STRAIN: f64 = 1e-9;
+
 /// A reply that has passed the check.
 #[derive(Clone, Debug)]
 pub(super) enum ValidatedReply {
@@ -64,6 +70,17 @@ pub(super) enum InvalidReply {
     /// NaN or infinity.
     #[error("a value in the reply is not a finite number")]
     NotFinite,
+    /// A cell turned inside out.
+    #[error("the volume of the cell is {0:e} times that at the start, which is negative")]
+    Volume(f64),
+    /// A number of force evaluations that no trial takes; sums of them would wrap around.
+    #[error("{0} force evaluations are more than any trial takes")]
+    ForceEvaluations(u64),
+    /// The state after a strain is that before it, so what happened in the trial is lost with it.
+    #[error(
+        "the state behind a strain of {0:.1e} is the one before it: the snapshots of the engine do not hold its state"
+    )]
+    StateUnmoved(f64),
     /// A solved trial without its end state.
     #[error("the trial state is missing")]
     StateMissing,
@@ -115,12 +132,22 @@ fn validate_result(job: &Job, loaded: &LoadedReply<'_>) -> Result<ValidatedReply
     if !reply.is_finite() {
         return Err(InvalidReply::NotFinite);
     }
+    if reply.scalars.volume_ratio < 0.0 {
+        return Err(InvalidReply::Volume(reply.scalars.volume_ratio));
+    }
+    if reply.cost.force_evaluations > MOST_FORCE_EVALUATIONS {
+        return Err(InvalidReply::ForceEvaluations(reply.cost.force_evaluations));
+    }
     if loaded.state.is_empty() {
         return Err(InvalidReply::StateMissing);
     }
     let state = PointState::from_snapshot(loaded.state.into());
     if state.id != reply.state {
         return Err(InvalidReply::StateDamaged);
+    }
+    let strain = job.trial.target.0.iter().fold(0.0f64, |largest, component| largest.max(component.abs()));
+    if state.id == job.state.id && strain > UNSEEN_STRAIN {
+        return Err(InvalidReply::StateUnmoved(strain));
     }
     let delivered =
         TangentKind::from_wire(reply.tangent_kind).ok_or(InvalidReply::UnknownTangent(reply.tangent_kind))?;

@@ -12,16 +12,16 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct HangPolicy {
-    /// Time that every job may take whatever it is expected to cost.
+    /// Time that the jobs of a message may take together whatever they are expected to cost.
     #[serde(rename = "hang_floor", with = "keys::forms::seconds")]
     #[schemars(with = "f64", extend("x-unit" = "s"), range(min = 0.0, max = 2_678_400.0))]
     pub floor: Duration,
-    /// Times its expected duration that a job may take in addition to `hang_floor`. Time in which the worker was ready and got no
+    /// Times its expected duration that a job may take in addition. Time in which the worker was ready and got no
     /// processor does not count.
     #[serde(rename = "hang_factor")]
     #[schemars(extend("x-unit" = "-"), range(min = 1.0))]
     pub factor: f64,
-    /// Allowance while nothing is known of the throughput of an RVE definition.
+    /// Time that a job may take in addition while nothing is known of the throughput of its RVE definition.
     #[serde(rename = "hang_unknown", with = "keys::forms::seconds")]
     #[schemars(with = "f64", extend("x-unit" = "s"), range(min = 0.0, max = 2_678_400.0))]
     pub unknown: Duration,
@@ -43,18 +43,23 @@ impl Default for HangPolicy {
 }
 
 impl HangPolicy {
-    /// How long a job may take that is expected to take `expected` (`None`: unknown) and that `overruns` workers have
-    /// already taken too long for. Doubles with each of them, so a job that is merely long gets through in the end; a crash
-    /// tells nothing about its length.
-    pub fn allowance(&self, expected: Option<Duration>, overruns: u32) -> Duration {
-        let first = match expected {
-            // A wild estimate must not overflow the clock: nothing in one step takes longer than a day.
-            Some(expected) => {
-                self.floor + Duration::from_secs_f64((expected.as_secs_f64() * self.factor).min(86_400.0))
-            }
-            None => self.unknown.max(self.floor),
-        };
-        first * 2u32.pow(overruns.min(8))
+    /// How long a message may take whose jobs are expected to take so long each (`None`: unknown) and have already taken so many workers
+    /// too long. Doubles with each of these, so a job that is merely long gets through in the end; a crash tells nothing about its
+    /// length. The floor counts once: it stands for what a busy machine does to a healthy process, however many jobs that has.
+    pub fn allowance(&self, jobs: impl Iterator<Item = (Option<Duration>, u32)>) -> Duration {
+        let mut sum = Duration::ZERO;
+        let mut most = 0;
+        for (expected, overruns) in jobs {
+            let times = 2u32.pow(overruns.min(8));
+            most = most.max(times);
+            sum += times
+                * match expected {
+                    // A wild estimate must not overflow the clock: nothing in one step takes longer than a day.
+                    Some(expected) => Duration::from_secs_f64((expected.as_secs_f64() * self.factor).min(86_400.0)),
+                    None => self.unknown,
+                };
+        }
+        sum + self.floor * most
     }
 }
 
@@ -179,10 +184,13 @@ mod tests {
     #[test]
     fn allowance_grows_with_expectation_and_with_overruns_and_never_overflows() {
         let policy = HangPolicy::default();
-        let short = policy.allowance(Some(Duration::from_millis(10)), 0);
-        assert_eq!(short, Duration::from_secs_f64(60.3));
-        assert_eq!(policy.allowance(Some(Duration::from_millis(10)), 1), short * 2);
-        assert_eq!(policy.allowance(None, 0), Duration::from_secs(600));
-        assert!(policy.allowance(Some(Duration::MAX), u32::MAX) < Duration::from_secs(86_460 * 256 + 1));
+        let of = |jobs: &[(Option<Duration>, u32)]| policy.allowance(jobs.iter().copied());
+        let short = Some(Duration::from_millis(10));
+        assert_eq!(of(&[(short, 0)]), Duration::from_secs_f64(60.3));
+        assert_eq!(of(&[(short, 1)]), of(&[(short, 0)]) * 2);
+        assert_eq!(of(&[(None, 0)]), Duration::from_secs(660));
+        assert!(of(&[(Some(Duration::MAX), u32::MAX)]) < Duration::from_secs(86_460 * 256 + 1));
+        // Every job of a message added the floor: one that hung was found after half an hour, and not after a minute.
+        assert_eq!(of(&[(short, 0); 32]), Duration::from_secs_f64(69.6));
     }
 }

@@ -13,6 +13,9 @@ const SAME: f64 = 1e-6;
 /// What sums of times may differ by where host and library add them up in another order, relative to the times: some spacings of numbers.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
+/// Largest component of DFGRD0 minus the identity that a host leaves in a point that has not been deformed.
+const DEFORMED: f64 = 1e-9;
+
 /// One call of the host for one point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Call {
@@ -102,6 +105,7 @@ impl<S: Copy> Points<S> {
         let Call { place, begin, duration, .. } = *call;
         let Some(known) = self.0.get_mut(&place) else {
             self.check_late(call)?;
+            check_first(call)?;
             let state = cells.new_state()?;
             self.0.insert(place, Point { state, first: begin, begin, duration });
             return Ok(state);
@@ -128,6 +132,24 @@ impl<S: Copy> Points<S> {
             call.place, call.begin, known.first
         )))
     }
+}
+
+/// Grains begin as packed. A first call that begins later, from a deformed state, is that of a restart: what they went through is missing.
+fn check_first(call: &Call) -> Result<(), Failure> {
+    let Call { place, begin, duration, before, .. } = call;
+    if !(begin.is_finite() && *duration >= 0.0) {
+        return Err(Failure::input(format!("{place}: TIME(2) = {begin} and DTIME = {duration} are no increment")));
+    }
+    let unit = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
+    let farthest =
+        (0..9).map(|entry| (before[entry / 3][entry % 3] - unit(entry / 3, entry % 3)).abs()).fold(0.0, f64::max);
+    if *begin > 0.0 && farthest > DEFORMED {
+        return Err(Failure::input(format!(
+            "{place} is new at time {begin}, where DFGRD0 differs from the identity by {farthest:.1e}; restarts from earlier results are not \
+             supported, since the grains of a point begin as packed"
+        )));
+    }
+    Ok(())
 }
 
 /// What two equal times may differ by.
@@ -186,7 +208,21 @@ mod tests {
     }
 
     fn call(place: Place, begin: f64) -> Call {
-        Call { place, begin, duration: 0.1, before: [[0.0; 3]; 3], after: [[0.0; 3]; 3] }
+        let unit = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }));
+        Call { place, begin, duration: 0.1, before: unit, after: unit }
+    }
+
+    /// Grains began as packed in a state that the host had strained by 5 %.
+    #[test]
+    fn a_restart_from_a_deformed_state_is_refused_and_a_new_element_is_not() {
+        let (cells, mut points) = (Counted::default(), Points::new());
+        let mut restart = call(PLACE, 3.0);
+        restart.before[1][1] = 0.95;
+        let error = points.enter(&restart, &cells).unwrap_err().text;
+        assert!(error.contains("differs from the identity by 5.0e-2"), "{error}");
+        let endless = Call { duration: f64::NAN, ..call(PLACE, 0.0) };
+        assert!(points.enter(&endless, &cells).unwrap_err().text.contains("no increment"));
+        assert_eq!(points.enter(&call(PLACE, 3.0), &cells).unwrap(), 0);
     }
 
     #[test]

@@ -116,7 +116,11 @@ impl Packing {
 fn text_of(path: &Path) -> Result<(String, String), PackingError> {
     let name = path.display().to_string();
     match std::fs::read_to_string(path) {
-        Ok(text) => Ok((name, text)),
+        Ok(text) => {
+            // Editors of some systems begin a file with a byte order mark.
+            let marked = text.strip_prefix('\u{feff}').map(str::to_owned);
+            Ok((name, marked.unwrap_or(text)))
+        }
         Err(source) => Err(PackingError::Io { path: name, source }),
     }
 }

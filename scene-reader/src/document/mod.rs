@@ -47,9 +47,16 @@ impl Document {
     /// # Errors
     /// As [`Document::read`]; the file has no such size.
     pub fn read_in_size(path: &Path, size: Option<&str>, overrides: &[String]) -> Result<Self, InputError> {
-        let text = std::fs::read_to_string(path).map_err(|source| {
-            InputError::at(path.display(), format!("could not read it: {source}"))
-                .hint("check the path; it is relative to the current folder")
+        let unread = |problem: String| InputError::at(path.display(), format!("could not read it: {problem}"));
+        let bytes = std::fs::read(path).map_err(|source| {
+            unread(source.to_string()).hint("check the path; it is relative to the current folder")
+        })?;
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()]
+                .iter()
+                .filter(|byte| **byte == b'\n')
+                .count();
+            unread(format!("line {line} is not UTF-8")).hint("save the file in UTF-8")
         })?;
         Self::in_size(path, text, size, overrides)
     }

@@ -187,7 +187,9 @@ fn headline(summary: &Summary, outcome: &Outcome) -> String {
         Outcome::Interrupted => format!("interrupted: {figures}"),
         Outcome::WorkersLost { .. } => format!("workers lost: {figures}"),
         Outcome::Stopped(_) => format!("stopped: {figures}"),
-        Outcome::Refused(_) | Outcome::CheckpointRefused(_) => format!("refused: {figures}"),
+        Outcome::Refused(_) | Outcome::DefinitionRefused { .. } | Outcome::CheckpointRefused(_) => {
+            format!("refused: {figures}")
+        }
     }
 }
 

@@ -59,6 +59,13 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> O
         }
         Outcome::Stopped(request) => Failure::new(Exit::BadInput, request),
         Outcome::Refused(error) => Failure::new(Exit::BadInput, error),
+        Outcome::DefinitionRefused { reason } => Failure::new(
+            Exit::BadInput,
+            format!(
+                "{reason}\nhint: change what the engine does not take, or name another one by `--engine`; docs/guide/external-engines.md says what \
+                 each of them solves"
+            ),
+        ),
         Outcome::CheckpointRefused(error) => Failure::new(Exit::BadInput, error),
     })
 }

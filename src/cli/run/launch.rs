@@ -152,6 +152,7 @@ pub(super) fn run(
     pool.report_to(move |workers| watcher.report(workers));
     pool.gather((workers * assignment.engines.len()).max(1)).map_err(|error| match error {
         MaterialError::Interrupted => Failure::new(Exit::Interrupted, "interrupted before the first step"),
+        MaterialError::DefinitionRefused(reason) => Failure::new(Exit::BadInput, reason),
         error => Failure::new(Exit::WorkersLost, error),
     })?;
     let workers = pool.workers();

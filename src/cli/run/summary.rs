@@ -150,7 +150,7 @@ fn status(outcome: &Outcome) -> RunStatus {
         Outcome::Interrupted => RunStatus::Interrupted,
         Outcome::WorkersLost { .. } => RunStatus::WorkersLost,
         Outcome::Stopped(_) => RunStatus::OutputFailed,
-        Outcome::Refused(_) | Outcome::CheckpointRefused(_) => RunStatus::Refused,
+        Outcome::Refused(_) | Outcome::DefinitionRefused { .. } | Outcome::CheckpointRefused(_) => RunStatus::Refused,
     }
 }
 
@@ -341,7 +341,8 @@ mod tests {
     #[test]
     fn a_refused_problem_or_checkpoint_is_not_an_output_that_failed() {
         let checkpoint = CheckpointError::unfit("solver", "another mesh");
-        for outcome in [Outcome::Refused(ProblemError::NoStage), Outcome::CheckpointRefused(checkpoint)] {
+        let definition = Outcome::DefinitionRefused { reason: "no cohesion".to_owned() };
+        for outcome in [Outcome::Refused(ProblemError::NoStage), definition, Outcome::CheckpointRefused(checkpoint)] {
             let (summary, text) = ended(outcome, Statistics::default(), &PoolStatistics::default());
             assert_eq!(summary.status, RunStatus::Refused);
             assert!(text.starts_with("refused: "), "{text}");

@@ -20,7 +20,10 @@ class OpaqueStateRve(Rve):
     def __init__(self, definition):
         """Remembers what the RVE is made of; refuses what these engines do not serve."""
         if definition.cohesion or not definition.rotations_free:
-            raise DefinitionRefused(f"engine `{self.engine}` serves grains that rotate freely and do not stick together")
+            raise DefinitionRefused(
+                f"engine `{self.engine}` serves grains that rotate freely and do not stick together: contact.rotations = \"free\" and "
+                "contact.cohesion = 0"
+            )
         self.made_of = definition
         self.initial_area = numpy.linalg.det(definition.cell)
         # They find one image of a pair.

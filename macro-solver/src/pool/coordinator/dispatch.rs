@@ -106,9 +106,11 @@ impl Coordinator {
                 statistics.bytes_sent += (size_of::<TrialJob>() + carried) as u64;
                 sent.jobs.push(job.number);
                 sent.expected += u128::from(job.expected);
-                let expected = throughputs[job.definition].duration(job.expected);
-                sent.allowance += settings.hang.allowance(expected, job.overruns);
             }
+            sent.allowance = settings.hang.allowance(jobs.iter().map(|&index| {
+                let job = &batch.jobs[index];
+                (throughputs[job.definition].duration(job.expected), job.overruns)
+            }));
             if known.pending.is_empty() {
                 known.head_since = now;
                 known.process.restart();

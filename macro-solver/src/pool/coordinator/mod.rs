@@ -164,7 +164,7 @@ impl Coordinator {
         match self.points.first_point_of(definition) {
             Some(point) if self.workers.get(worker).is_some_and(|known| known.state.answers()) => {
                 let text = format!("worker {} refuses the RVE of Gauss point {point}: {reason}", worker.0);
-                self.fatal.get_or_insert(MaterialError::Channel(text));
+                self.fatal.get_or_insert(MaterialError::DefinitionRefused(text));
             }
             _ => self.statistics.refused_messages += 1,
         }

@@ -65,6 +65,8 @@ fn unsound_replies_end_their_worker() {
         Fault::NotANumber,
         Fault::DamagedState,
         Fault::MissingState,
+        Fault::NegativeVolume,
+        Fault::ManyEvaluations,
         Fault::OtherPoint,
         Fault::NoTangent,
         Fault::BadStatus,
@@ -74,6 +76,22 @@ fn unsound_replies_end_their_worker() {
         assert_eq!((statistics.workers_faulty, statistics.workers_lost), (1, 1), "{fault:?}");
         assert_eq!(statistics.solved, 2 * POINTS as u64, "{fault:?}");
     }
+}
+
+/// An engine whose snapshots are empty began every step as packed, and the run ended well with a third of the stress.
+#[test]
+fn a_state_that_a_strain_leaves_as_it_was_ends_its_worker() {
+    let mut stage = Stage::new(3).hire(8, &[None, Some(Fault::SameState)]).replacing(1, None);
+    let mut pool = stage.open(1);
+    pool.evaluate(&questions(1, 0)).unwrap();
+    pool.commit().unwrap();
+    pool.evaluate(&questions(1, 1)).unwrap();
+    let statistics = pool.statistics();
+    assert_eq!(
+        (statistics.workers_faulty, statistics.worker_restarts, statistics.solved),
+        (1, 1, 2),
+        "{statistics:?}"
+    );
 }
 
 /// Recycling by count: the worker finishes what it holds, and nothing is asked twice. By memory: `tests/integration/processes/faults.rs`.

@@ -38,6 +38,12 @@ pub(super) enum Fault {
     DamagedState,
     /// Sends no trial state.
     MissingState,
+    /// Sends the state that the job began with.
+    SameState,
+    /// Sends a negative volume.
+    NegativeVolume,
+    /// Sends a count of force evaluations with which sums wrap around.
+    ManyEvaluations,
     /// Answers about another point.
     OtherPoint,
     /// Leaves the tangent out.
@@ -238,7 +244,7 @@ impl FakeWorker {
             return (TrialReply::bare(job, ReplyStatus::Failed), Vec::new(), text);
         }
         let (answer, end) = solve(job, &state);
-        self.keep(job.state, state);
+        self.keep(job.state, state.clone());
         self.keep(StateId::of(&end), end.clone());
         let mut reply = TrialReply::done(job, &answer, StateId::of(&end), end.len() as u64);
         let mut end = end;
@@ -246,6 +252,9 @@ impl FakeWorker {
             Some(Fault::NotANumber) => reply.stress.0[4] = f64::NAN,
             Some(Fault::DamagedState) => end[0] ^= 1,
             Some(Fault::MissingState) => end.clear(),
+            Some(Fault::SameState) => (reply.state, end) = (job.state, state),
+            Some(Fault::NegativeVolume) => reply.scalars.volume_ratio = -1.0,
+            Some(Fault::ManyEvaluations) => reply.cost.force_evaluations = 1 << 63,
             Some(Fault::OtherPoint) => reply.point += 1,
             Some(Fault::NoTangent) => reply.tangent_kind = 0,
             Some(Fault::BadStatus) => reply.status = 77,

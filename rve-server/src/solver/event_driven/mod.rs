@@ -175,8 +175,10 @@ impl EventDrivenDiscs {
         memory: &mut EventMemory<Discs>,
         spent: &mut Spent,
     ) -> Option<End<Discs>> {
+        // A state out of balance moves however small the increment is, and what its motion loses no linear response tells.
         let applies = moves(job)
             && job.state.bears_load
+            && job.state.unbalanced <= model.options.tolerance()
             && !job.state.contacts.is_empty()
             && model.options.criterion != Criterion::Energy
             && largest_component(&job.strain) <= model.options.largest_event_increment();
