@@ -30,7 +30,7 @@ fn capabilities(engine: &str) -> Capabilities {
     }
 }
 
-/// What is left of an RVE without grains: the bits of its last target, cut or filled up to the length of its snapshot.
+/// What is left of an RVE without grains: the bits of the sum of its targets, cut or filled up to the length of its snapshot.
 #[derive(Clone, Debug)]
 struct Hollow {
     length: usize,
@@ -57,7 +57,7 @@ impl RveSolver for Hollow {
             // The part of the target that says whether the forecast may learn what this cost.
             cost.force_evaluations = if target.0[4] > 0.0 { pause.as_micros() as u64 } else { 0 };
         }
-        self.trial = Some(*target);
+        self.trial = Some(Tensor2(std::array::from_fn(|entry| self.committed.0[entry] + target.0[entry])));
         Ok(TrialResult {
             stress: *target,
             tangent: None,
@@ -90,6 +90,10 @@ impl RveSolver for Hollow {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RveError> {
         if bytes.len() != self.length {
             return Err(RveError::Snapshot(format!("a snapshot of {} bytes", bytes.len())));
+        }
+        self.committed = Tensor2::ZERO;
+        for (component, bytes) in self.committed.0.iter_mut().zip(bytes.chunks_exact(8)) {
+            *component = f64::from_le_bytes(bytes.try_into().expect("chunks of eight"));
         }
         self.trial = None;
         Ok(())

@@ -205,6 +205,9 @@ pub struct Summary {
     /// Every means by which the run saves work, by name; those of `[economy]` by their key.
     #[serde(default)]
     pub economy: BTreeMap<String, Shortcut>,
+    /// Former names of entries, as `table.name`, with the names that replace them; both are present for one version.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub deprecated_names: BTreeMap<String, String>,
     /// Where the time went.
     pub time: TimeShares,
     /// What checkpoints have cost.
@@ -275,6 +278,7 @@ mod tests {
             fallback_groups: BTreeMap::new(),
             skipped: BTreeMap::new(),
             economy: BTreeMap::from([("zero_increments".to_owned(), Shortcut::default())]),
+            deprecated_names: BTreeMap::new(),
             time: TimeShares::default(),
             checkpoint: CheckpointSummary::default(),
             balance: Some(BalanceSummary { error_of_mean: 2e-3, ..BalanceSummary::default() }),

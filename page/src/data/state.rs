@@ -66,11 +66,14 @@ pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
 
 /// The counters above 0 of a summary or of a live run: those that may concern the accuracy first.
 fn counters(summary: &Value, program: &Program) -> Value {
+    let former = summary.get("deprecated_names").and_then(Value::as_object);
+    let is_former =
+        |table: &str, name: &str| former.is_some_and(|names| names.contains_key(&format!("{table}.{name}")));
     let mut found: Vec<(bool, String)> = Vec::new();
     for table in ["fallbacks", "skipped"] {
         for (name, count) in summary.get(table).and_then(Value::as_object).into_iter().flatten() {
             let count = count.as_u64().unwrap_or(0);
-            if count > 0 {
+            if count > 0 && !is_former(table, name) {
                 let (label, concerns) = (program.counter)(name, count);
                 found.push((!concerns || table == "skipped", label));
             }
@@ -116,8 +119,8 @@ mod tests {
         controls.put_text(NOT_SAVED, "no space left on device\n").unwrap();
         assert_eq!(state(&folder, &PROGRAM)["not_saved"], "no space left on device");
         fs::remove_file(place.path().join("alive")).unwrap();
-        let summary = r#"{"status":"not_converged","reason":"no way","steps":3,"fallbacks":{"overlap":2,"none":0,"x":1},
-            "skipped":{"y":4},"cutbacks":5,
+        let summary = r#"{"status":"not_converged","reason":"no way","steps":3,"fallbacks":{"overlap":2,"old":1,"none":0,"x":1},
+            "skipped":{"y":4},"deprecated_names":{"fallbacks.old":"fallbacks.overlap"},"cutbacks":5,
             "balance":{"error_of_mean":0.02}}"#;
         fs::write(place.path().join("summary.json"), summary).unwrap();
         let found = state(&folder, &PROGRAM);

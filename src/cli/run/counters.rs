@@ -96,6 +96,26 @@ pub(crate) const SKIPPED: [(&str, &str); 6] = [
     ("idle_steps", "idle step*"),
 ];
 
+/// Former names of counters, which `summary.json` still holds next to the new ones: table, former name, name.
+pub(super) const DEPRECATED_NAMES: [(&str, &str, &str); 7] = [
+    ("fallbacks", "no_contacts", "no_load_bearing_contacts"),
+    ("fallbacks", "creep_increments", "stabilisation_increments"),
+    ("fallbacks", "evaluations_in_creep", "stabilisation_evaluations"),
+    ("fallbacks", "iterates_turned_down", "rejected_iterates"),
+    ("fallbacks", "evaluations_turned_down", "rejected_evaluations"),
+    ("skipped", "equal_questions", "duplicate_trials"),
+    ("skipped", "null_targets", "zero_increments"),
+];
+
+/// Adds the former names of the counters of `table` with the counts of the new ones.
+pub(super) fn add_deprecated(table: &str, counts: &mut BTreeMap<String, u64>) {
+    for (_, former, name) in DEPRECATED_NAMES.into_iter().filter(|(of, ..)| *of == table) {
+        if let Some(&count) = counts.get(name) {
+            counts.insert(former.to_owned(), count);
+        }
+    }
+}
+
 /// What a counter means for the result; unknown ones count as warnings.
 pub(crate) fn concern(name: &str) -> Concern {
     COUNTERS.iter().find(|counter| counter.name == name).map_or(LookAtThis, |counter| counter.concern)
@@ -162,5 +182,14 @@ mod tests {
         assert_eq!(in_words("cutbacks", 1), "1 failed attempt");
         assert_eq!(in_words("zero_increments", 128), "128 zero increments");
         assert_eq!(in_words("a_new_one", 2), "a new one 2");
+    }
+
+    #[test]
+    fn former_names_keep_the_counts_of_the_new_ones() {
+        let mut counts = BTreeMap::from([("duplicate_trials".to_owned(), 3), ("unchanged_targets".to_owned(), 1)]);
+        add_deprecated("skipped", &mut counts);
+        assert_eq!(counts.get("equal_questions"), Some(&3));
+        assert_eq!(counts.len(), 3);
+        assert!(DEPRECATED_NAMES.iter().all(|(_, former, _)| COUNTERS.iter().all(|counter| counter.name != *former)));
     }
 }

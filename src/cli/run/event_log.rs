@@ -102,6 +102,8 @@ impl Observer for EventLog {
             cut_backs = report.cut_backs,
             stabilisation_increments = report.stabilisation_increments,
             committed_iterates = report.committed_iterates,
+            // The former name, for one version.
+            creep = report.stabilisation_increments,
             force_ratio = report.force_ratio,
             displacement_ratio = report.displacement_ratio,
             stagnated = report.stagnated,

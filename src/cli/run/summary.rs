@@ -1,6 +1,6 @@
 //! `summary.json` from the figures of solver and pool.
 
-use super::counters::{SKIPPED, grouped};
+use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
 use super::packings::PackingCounts;
 use super::resume::Contents;
 use super::shortcuts::{Allowed, shortcuts};
@@ -57,7 +57,7 @@ pub(super) struct SummaryInputs {
 /// Puts the figures of solver and pool together.
 pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -> Summary {
     let statistics = &run.statistics;
-    let fallbacks = fallbacks(statistics, pool, &inputs);
+    let mut fallbacks = fallbacks(statistics, pool, &inputs);
     let others = [
         ("cutbacks", statistics.cut_backs),
         ("worker_restarts", pool.worker_restarts),
@@ -65,6 +65,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
     ];
     let all = fallbacks.iter().map(|(name, count)| (name.as_str(), *count)).chain(others);
     let fallback_groups = grouped(all);
+    add_deprecated("fallbacks", &mut fallbacks);
     let flags = &statistics.flags;
     let skips = [
         statistics.skipped,
@@ -74,8 +75,11 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         flags.event_increments,
         statistics.idle_steps,
     ];
-    let skipped: BTreeMap<String, u64> =
+    let mut skipped: BTreeMap<String, u64> =
         SKIPPED.into_iter().zip(skips).map(|((name, _), count)| (name.to_owned(), count)).collect();
+    add_deprecated("skipped", &mut skipped);
+    let deprecated =
+        |(table, former, name): (&str, &str, &str)| (format!("{table}.{former}"), format!("{table}.{name}"));
     let seconds = |nanoseconds: u64| nanoseconds as f64 * 1e-9;
     let accuracy = accuracy(&statistics.accuracy, &inputs, statistics.cost.force_evaluations);
     Summary {
@@ -103,6 +107,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         fallback_groups,
         skipped,
         economy: shortcuts(statistics, pool, &inputs.replicas, inputs.allowed),
+        deprecated_names: DEPRECATED_NAMES.into_iter().map(deprecated).collect(),
         time: TimeShares {
             wall_s: inputs.wall_s,
             rve_s: pool.rve_s,
@@ -296,7 +301,8 @@ mod tests {
     fn every_counter_of_the_summary_has_its_group_and_there_is_no_other() {
         let (summary, _) = ended(Outcome::Completed, Statistics::default(), &PoolStatistics::default());
         let others = ["cutbacks", "reissued_jobs", "worker_restarts"].map(str::to_owned);
-        let mut found: Vec<String> = summary.fallbacks.keys().cloned().chain(others).collect();
+        let is_new = |name: &&String| !summary.deprecated_names.contains_key(&format!("fallbacks.{name}"));
+        let mut found: Vec<String> = summary.fallbacks.keys().filter(is_new).cloned().chain(others).collect();
         let mut known: Vec<String> = COUNTERS.iter().map(|counter| counter.name.to_owned()).collect();
         found.sort();
         known.sort();
@@ -316,6 +322,19 @@ mod tests {
             assert!(text.contains("done: 4 steps, 0 iterations, 17 time steps in"), "{text}");
             assert_eq!((summary.steps, summary.time_steps), (4, 17));
         }
+    }
+
+    #[test]
+    fn former_names_stand_next_to_the_new_ones() {
+        let statistics = Statistics { stabilisation_increments: 5, ..Statistics::default() };
+        let (summary, text) = ended(Outcome::Completed, statistics, &PoolStatistics::default());
+        for (table, former, name) in DEPRECATED_NAMES {
+            let counts = if table == "skipped" { &summary.skipped } else { &summary.fallbacks };
+            assert_eq!(counts[former], counts[name], "{former}");
+            assert_eq!(summary.deprecated_names[&format!("{table}.{former}")], format!("{table}.{name}"));
+        }
+        assert_eq!((summary.fallbacks["creep_increments"], text.matches("creep").count()), (5, 0));
+        assert!(!summary.fallback_groups["look_at_this"].contains_key("creep_increments"));
     }
 
     /// A good run floors thousands of tangents without any effect on its result.
