@@ -7,6 +7,9 @@ use scene_reader::Scene;
 /// Force evaluations of one point evaluation, measured on biaxial tests between the first steps to an error of 0.5 % and those after the peak.
 const FORCE_EVALUATIONS: [f64; 2] = [60.0, 1500.0];
 
+/// Force evaluations that bring a cell to the stress of its Gauss point: slopes and ground of 400 discs, cells of spheres.
+const PREPARATION_EVALUATIONS: [f64; 2] = [5e3, 1e5];
+
 /// Strain per step of the grains at which they were measured: that of the default error and of `accuracy = "draft"`.
 const STRAIN_PER_STEP: f64 = 5e-6;
 
@@ -33,6 +36,8 @@ const BYTES_PER_PROCESS: f64 = 2e7;
 pub(crate) struct Estimate {
     /// Processor time of all workers, s: least and most; `None` for motions, whose steps are counted when they run.
     pub(crate) seconds: Option<[f64; 2]>,
+    /// Cells that are prepared for their depth first, and the processor time of that, s.
+    pub(crate) preparation: Option<(usize, [f64; 2])>,
     /// Memory of the macro process, bytes.
     pub(crate) bytes: f64,
     /// Memory of all workers without what each process needs, bytes.
@@ -51,6 +56,9 @@ impl Estimate {
         let finer = (STRAIN_PER_STEP / definition.options().strain_per_step()).max(1.0);
         let more = [finer.sqrt(), finer];
         let seconds = std::array::from_fn(|end| evaluations[end] as f64 * FORCE_EVALUATIONS[end] * more[end] * one);
+        let preparation = scene
+            .preparation()
+            .map(|planned| (planned.cells, PREPARATION_EVALUATIONS.map(|count| planned.cells as f64 * count * one)));
         let unknowns = problem.mesh.degrees_of_freedom() as f64;
         // Entries of a factor: about n log n in the plane and n^(4/3) in space.
         let factor = match problem.mesh.dimension {
@@ -61,21 +69,29 @@ impl Estimate {
         let states = points * (STATES * grains * BYTES_PER_GRAIN[space] + BYTES_PER_POINT);
         let bytes = states + factor + BYTES_PER_PROCESS;
         let worker_bytes = points * grains * WORKER_BYTES_PER_GRAIN;
-        Self { seconds: motionless.then_some(seconds), bytes, worker_bytes }
+        Self { seconds: motionless.then_some(seconds), preparation, bytes, worker_bytes }
     }
 
     /// Time and memory for people, on a machine with this many cores.
     pub(crate) fn text(&self, cores: usize) -> String {
         let workers = self.worker_bytes + cores as f64 * BYTES_PER_PROCESS;
         let memory = format!("{} of memory, {} of it in the workers", size(self.bytes + workers), size(workers));
-        match self.seconds {
-            Some([least, most]) => {
-                let [least, most] = [least, most].map(|seconds| duration(seconds / cores as f64));
-                format!(
-                    "very roughly {least} to {most} with {cores} workers, {memory}; steps that are cut back come on top"
-                )
+        let range = |seconds: [f64; 2]| {
+            let [least, most] = seconds.map(|seconds| duration(seconds / cores as f64));
+            format!("{least} to {most}")
+        };
+        let text = match self.seconds {
+            Some(seconds) => {
+                let time = range(seconds);
+                format!("very roughly {time} with {cores} workers, {memory}; steps that are cut back come on top")
             }
             None => format!("very roughly {memory}; the time depends on the number of time steps or iterations"),
+        };
+        match self.preparation {
+            Some((cells, seconds)) => {
+                format!("{text}; first {} to bring {cells} cells to their stress", range(seconds))
+            }
+            None => text,
         }
     }
 }
@@ -115,6 +131,17 @@ mod tests {
         let all = estimate.bytes + estimate.worker_bytes + BYTES_PER_PROCESS;
         assert!((0.5..2.0).contains(&(all / 133e6)), "{all}");
         assert!(estimate.text(2).contains("with 2 workers"), "{}", estimate.text(2));
+    }
+
+    /// 576 cells of 400 discs took 100 s of two busy cores.
+    #[test]
+    fn cells_that_are_prepared_count() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/geotechnics/slope-at-rest.toml");
+        let estimate = Estimate::of(&Scene::load(&path, &[]).unwrap(), [100, 1000]);
+        let (cells, [least, most]) = estimate.preparation.unwrap();
+        assert_eq!(cells, 576);
+        assert!(least < 100.0 && 200.0 < most, "{least} to {most}");
+        assert!(estimate.text(2).contains("to bring 576 cells to their stress"), "{}", estimate.text(2));
     }
 
     /// `scenes/biaxial-small.toml` to 2 % took 0.7, 3.6 and 30 s of one core.
