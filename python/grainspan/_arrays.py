@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,11 @@ from .errors import InputError
 #: Types of the results that are no float64, and shapes behind the number of the point, by dimension d.
 _TYPES = {"flags": np.uint32, "force_evaluations": np.uint64, "ramp_steps": np.uint64, "nanoseconds": np.uint64}
 _TENSORS = {"stress": 2, "first_piola": 2, "fabric": 2, "tangent": 4}
+
+
+def names(given: str | Iterable[str]) -> list[str]:
+    """Names of observables; a single one may stand alone."""
+    return [given] if isinstance(given, str) else list(given)
 
 
 def gradients(given: ArrayLike | None, deformation: ArrayLike | None, count: int, dimension: int) -> np.ndarray:

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,18 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def write(table: Mapping[str, Any]) -> str:
     """A mapping as TOML; keys whose value is ``None`` are left out."""
-    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in table.items() if value is not None)
+    return "".join(f"{member}\n" for member in _members(table))
+
+
+def _members(table: Mapping[str, Any]) -> Iterator[str]:
+    for key, value in table.items():
+        if value is None:
+            continue
+        try:
+            text = _value(value)
+        except InputError as error:
+            raise InputError(f"{key}: {error}") from error
+        yield f"{_key(key)} = {text}"
 
 
 def _key(key: Any) -> str:
@@ -60,8 +71,7 @@ def _value(value: Any) -> str:
     if isinstance(value, (str, os.PathLike)):
         return _text(os.fspath(value))
     if isinstance(value, Mapping):
-        members = (f"{_key(key)} = {_value(member)}" for key, member in value.items() if member is not None)
-        return "{ " + ", ".join(members) + " }"
+        return "{ " + ", ".join(_members(value)) + " }"
     if isinstance(value, (Sequence, np.ndarray)):
         return "[" + ", ".join(_value(member) for member in value) + "]"
     raise InputError(f"{value!r} cannot be written to an input file")

@@ -116,7 +116,7 @@ class Pool:
         *,
         F: ArrayLike | None = None,
         tangent: str = "truss_like_slip",
-        observables: Iterable[str] = (),
+        observables: str | Iterable[str] = (),
         ramp_steps: ArrayLike = 0,
     ) -> TrialResult:
         """Deforms every point from its committed state.
@@ -131,7 +131,7 @@ class Pool:
             Deformation gradients in place of ``H``. Small strains lose digits this way.
         tangent : str, optional
             Tangent operator, one of ``grainspan.tangents()``; ``"none"`` for the stress alone.
-        observables : iterable of str, optional
+        observables : str or iterable of str, optional
             Further results, of ``grainspan.observables()``.
         ramp_steps : array_like of int, optional
             Increments in which each deformation is applied; 0 lets the cell choose by its ``strain_per_step``. Within the iterations
@@ -153,7 +153,7 @@ class Pool:
         target = _arrays.gradients(H, F, len(states), self.dimension)
         ramps = _arrays.ramps(ramp_steps, len(states))
         raw = self._native.trial(
-            states.numbers.tobytes(), target.tobytes(), tangent, list(observables), ramps.tobytes()
+            states.numbers.tobytes(), target.tobytes(), tangent, _arrays.names(observables), ramps.tobytes()
         )
         return assembled(_arrays.results(raw, self.dimension))
 

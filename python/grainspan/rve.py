@@ -117,7 +117,7 @@ class Rve:
         *,
         F: ArrayLike | None = None,
         tangent: str = "truss_like_slip",
-        observables: Iterable[str] = (),
+        observables: str | Iterable[str] = (),
         ramp_steps: int = 0,
     ) -> TrialResult:
         """Deforms the cell from its committed state, as :meth:`Pool.trial` does for one point.
@@ -129,7 +129,7 @@ class Rve:
         """
         target = _arrays.gradients(H, F, 1, self.dimension)
         ramp_steps = int(_arrays.ramps(ramp_steps, 1)[0])
-        raw = self._native.trial(target.tobytes(), tangent, list(observables), ramp_steps)
+        raw = self._native.trial(target.tobytes(), tangent, _arrays.names(observables), ramp_steps)
         return assembled(_arrays.results(raw, self.dimension))
 
     def commit(self) -> None:

@@ -47,6 +47,8 @@ def test_any_text_is_written_and_read_back(tmp_path):
     assert _toml.read(path) == {key: value for key, value in table.items() if value is not None}
     with pytest.raises(grainspan.InputError, match="Unicode"):
         _toml.write({"folder": "\udcff"})
+    with pytest.raises(grainspan.InputError, match="contact: friction: nan is not a finite number"):
+        _toml.write({"contact": {"friction": float("nan")}})
 
 
 def test_a_folder_may_have_any_name(tmp_path):

@@ -137,6 +137,12 @@ def test_arguments_are_checked(pool):
         other.states(1)
 
 
+def test_one_observable_may_stand_alone(pool):
+    # It was read letter by letter.
+    alone, listed = (pool.trial(pool.states(1), gradients(1, 1e-4), observables=asked) for asked in ("fabric", ["fabric"]))
+    np.testing.assert_array_equal(alone.observables["fabric"], listed.observables["fabric"])
+
+
 def test_several_pools_and_packings_in_one_process(pool):
     laws = [CONTACT, {**CONTACT, "friction": 0.1}]
     with grainspan.Pool([DISCS, DISCS], laws, accuracy="draft", workers=1) as second:
