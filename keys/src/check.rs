@@ -154,16 +154,14 @@ impl Checker {
                 }
             }
         }
-        for key in &table.keys {
-            match node.get(&key.name) {
-                Some(value) if value.value != Value::Nothing => self.key(value, key, node)?,
-                _ if key.required && self.written => {
-                    return Err(self.fault(&node.span, format!("missing key `{}`", key.name)));
-                }
-                _ => {}
-            }
+        let given = |key: &Key| node.get(&key.name).filter(|value| value.value != Value::Nothing);
+        let missing = table.keys.iter().filter(|key| self.written && key.required && given(key).is_none());
+        let missing: Vec<String> = missing.map(|key| format!("`{}`", key.name)).collect();
+        if !missing.is_empty() {
+            let many = if missing.len() == 1 { "" } else { "s" };
+            return Err(self.fault(&node.span, format!("missing key{many} {}", missing.join(", "))));
         }
-        Ok(())
+        table.keys.iter().try_for_each(|key| given(key).map_or(Ok(()), |value| self.key(value, key, node)))
     }
 
     fn key(&mut self, value: &Node, key: &Key, table: &Node) -> Result<(), Fault> {

@@ -89,7 +89,9 @@ pub(super) fn execute<P: MacroPort>(
     let statistics = pool.statistics();
     let hint = pool.quarantined().map(|case| write_failure_case(case, folder));
     pool.close();
-    let failure = failure(scene, &solved.run, hint.as_deref());
+    let outside = assignment.engines.iter().map(|assigned| &assigned.engine).filter(|engine| !engine.is_built_in());
+    let outside: Vec<&str> = outside.map(|engine| engine.name.as_str()).collect();
+    let failure = failure(scene, &solved.run, hint.as_deref(), &outside);
     log_end(failure.as_ref());
     let inputs = SummaryInputs {
         reason: failure.as_ref().map(|failure| failure.message.clone()),

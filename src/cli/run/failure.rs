@@ -9,8 +9,16 @@ use rve_server::engine::ENGINE_NAME;
 use scene_reader::Scene;
 
 /// Why a run did not reach its end, with the remedy; `None` for one that did. `failure_case` is the hint from
-/// [`write_failure_case`].
-pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> Option<Failure> {
+/// [`write_failure_case`], `engines` are those outside this program.
+pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engines: &[&str]) -> Option<Failure> {
+    let engines = if engines.is_empty() {
+        String::new()
+    } else {
+        format!(
+            "\nhint: these cells are solved by {}: a run with `--engine grains` tells whether the engine is the cause",
+            engines.join(", ")
+        )
+    };
     let stage = match &scene.problem.stages[..] {
         [_] => String::new(),
         stages => stages.get(run.stage).map_or(String::new(), |stage| format!(" of stage '{}'", stage.name)),
@@ -34,7 +42,7 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>) -> O
                     smaller_steps(scene, run)
                 ),
             };
-            Failure::new(Exit::NotConverged, text)
+            Failure::new(Exit::NotConverged, text + &engines)
         }
         Outcome::Unstable { step, time, time_step, reason } => Failure::new(
             Exit::NotConverged,

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// A folder with a sound scene, its packing, an element test and a recipe, to be spoiled one thing at a time.
-struct InputFolder {
+pub(super) struct InputFolder {
     folder: tempfile::TempDir,
 }
 
 impl InputFolder {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let scene = fs::read_to_string(root.join("scenes/biaxial-small.toml")).unwrap();
@@ -25,7 +25,7 @@ impl InputFolder {
         Self { folder }
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
@@ -36,12 +36,12 @@ impl InputFolder {
         fs::write(self.path(file), text.replacen(from, to, 1)).unwrap();
     }
 
-    fn grainspan(&self, arguments: &[&str]) -> Output {
+    pub(super) fn grainspan(&self, arguments: &[&str]) -> Output {
         grainspan_in(self.folder.path(), arguments)
     }
 
     /// Runs a command that has to be refused: exit code 2, one error with all of `parts`, no new files.
-    fn refused(&self, arguments: &[&str], parts: &[&str]) {
+    pub(super) fn refused(&self, arguments: &[&str], parts: &[&str]) {
         let before = listing(self.folder.path());
         let output = self.grainspan(arguments);
         let stderr = String::from_utf8(output.stderr).unwrap();

@@ -1,6 +1,7 @@
 //! What the commands accept, write and say.
 
 mod bad_input;
+mod beginners_mistakes;
 mod economy;
 mod error_estimate;
 mod figures;

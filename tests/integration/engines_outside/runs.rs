@@ -128,6 +128,34 @@ fn a_step_that_an_engine_in_c_finds_too_large_is_cut() {
     assert!(!said.contains("energy balance") && summary["energy"]["residual"].is_null(), "{said}");
 }
 
+/// Runs the small scene on an engine that is a program of its own: exit code and what was said.
+fn run_alone(engine: &std::path::Path) -> (i32, String) {
+    let site = Site::new();
+    let catalogue = site.path("alone.toml");
+    std::fs::write(&catalogue, format!("[alone]\ncommand = [{engine:?}]\n")).unwrap();
+    let out = site.path("alone");
+    let arguments = ["run", "scenes/biaxial-small.toml", "--engine", "alone", "--out", out.to_str().unwrap()];
+    let mut command = site.program(&[&arguments[..], &SMALL].concat());
+    let ended = command.env("GRAINSPAN_ENGINES", catalogue).output().unwrap();
+    (ended.status.code().unwrap(), String::from_utf8(ended.stderr).unwrap())
+}
+
+/// Every step began as packed, and the run ended well with a third of the stress.
+#[test]
+fn an_engine_whose_snapshots_hold_nothing_ends_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(engine) = native::without_states(folder.path()) else { return };
+    let (code, said) = run_alone(&engine);
+    assert!(code == 3 && said.contains("the snapshots of the engine do not hold its state"), "{code}: {said}");
+}
+
+#[test]
+fn a_run_that_fails_names_the_engine_outside() {
+    let Some(engine) = native::with_largest_strain("1e-9") else { return };
+    let (code, said) = run_alone(&engine);
+    assert!(code == 1 && said.contains("these cells are solved by alone"), "{code}: {said}");
+}
+
 /// The example in C has no grains, and so no fabric and no energies: what it does not deliver was written as zero, in tables and summary.
 #[test]
 fn what_an_engine_does_not_deliver_is_no_number() {
