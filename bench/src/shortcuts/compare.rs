@@ -37,7 +37,7 @@ pub(super) fn difference(one: &EndedRun, other: &EndedRun, components: &[&str], 
     for (step, time) in times[0].iter().enumerate().skip(1) {
         let Some(partner) = times[1].iter().position(|other| other == time) else { continue };
         let places = [step, partner];
-        let apart = stresses.iter().map(|[a, b]| (a[step] - b[partner]).abs() / pressure).fold(0.0, f64::max);
+        let apart = stresses.iter().map(|[a, b]| distance(a[step], b[partner]) / pressure).fold(0.0, f64::max);
         // Runs without the estimate have no such column; NaN counts as nothing known.
         let estimates = errors.iter().zip(places).filter_map(|(error, place)| error.get(place));
         let estimated: f64 = estimates.filter(|error| error.is_finite()).sum();
@@ -48,6 +48,12 @@ pub(super) fn difference(one: &EndedRun, other: &EndedRun, components: &[&str], 
         });
     }
     found
+}
+
+/// How far two numbers are apart: infinitely far if one of them is none.
+fn distance(one: f64, other: f64) -> f64 {
+    let apart = (one - other).abs();
+    if apart.is_nan() { f64::INFINITY } else { apart }
 }
 
 /// A column of numbers; NaN where an entry is none, empty where there is no such column.
@@ -90,6 +96,13 @@ mod tests {
         // Where the runs themselves do not know better, and in step 0.
         let snapped = ended(&[["0", "4", "0.5", "0"], ["1", "8", "1.1", "0.099"]]);
         assert!(difference(&one, &snapped, &COMPONENTS, 0.025).unwrap().over_allowed < 0.51);
+    }
+
+    #[test]
+    fn a_stress_that_is_no_number_is_not_passed_over() {
+        let one = ended(&[["0", "4", "0", "0"], ["1", "8", "1", "0"]]);
+        let lost = ended(&[["0", "4", "0", "0"], ["1", "8", "NaN", "0"]]);
+        assert_eq!(difference(&one, &lost, &COMPONENTS, 0.025).unwrap().over_allowed, f64::INFINITY);
     }
 
     /// They were passed over as if they had been compared.
