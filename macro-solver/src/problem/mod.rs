@@ -25,6 +25,7 @@ mod multi_point_constraint;
 mod named_strategy;
 mod path_control;
 mod pore_fluid;
+mod prescribed;
 mod quasi_newton;
 mod rate_history;
 pub mod relaxation;
@@ -47,13 +48,13 @@ pub use multi_point_constraint::{ConstraintTerm, Directions, MultiPointConstrain
 pub use named_strategy::NamedStrategy;
 pub use path_control::PathControl;
 pub use pore_fluid::PoreFluid;
+pub use prescribed::Prescribed;
 pub use quasi_newton::QuasiNewton;
 pub use rate_history::{Rate, RateHistory};
 pub use smooth_step::SmoothRamp;
 pub use stage::{LoadingSettings, Procedure, Stabilisation, Stage, StepControl, StepRule};
 pub use strategy::{Predictor, SecantSettings, Strategy};
 pub use tangent_update::TangentUpdate;
-pub use validation::Prescribed;
 
 /// How the global equations are solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
