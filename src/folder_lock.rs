@@ -23,9 +23,35 @@ pub(crate) fn lock_folder(path: &Path, option: &str, writer: &str, hint: &str) -
     }
 }
 
+/// Files of which the folder of a run holds one at least.
+pub(crate) const MARKS_OF_A_RUN: [&str; 2] = ["run.jsonl", "checkpoint.bin"];
+
+/// Refuses the folder of a run for tables and pictures of something else: no run would replace them, and so none could use it again.
+///
+/// # Errors
+/// The folder is that of a run.
+pub(crate) fn refuse_folder_of_a_run(path: &Path) -> Result<(), InputError> {
+    if !MARKS_OF_A_RUN.iter().any(|mark| path.join(mark).is_file()) {
+        return Ok(());
+    }
+    let problem = "this is the folder of a run, which could not be made again in it";
+    Err(InputError::at(format!("--out {}", path.display()), problem).hint("name another folder"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn folders_of_runs_are_not_for_anything_else() {
+        let place = tempfile::tempdir().unwrap();
+        refuse_folder_of_a_run(&place.path().join("new")).unwrap();
+        std::fs::write(place.path().join("table.csv"), "a").unwrap();
+        refuse_folder_of_a_run(place.path()).unwrap();
+        std::fs::write(place.path().join("run.jsonl"), "").unwrap();
+        let refused = refuse_folder_of_a_run(place.path()).unwrap_err().to_string();
+        assert!(refused.contains("the folder of a run") && refused.contains("name another folder"), "{refused}");
+    }
 
     #[test]
     fn a_folder_has_one_writer_at_a_time() {

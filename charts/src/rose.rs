@@ -1,6 +1,6 @@
 //! Rose diagrams: a value for each range of directions, as sectors around a point.
 
-use crate::number::short;
+use crate::number::tick;
 use crate::svg::Svg;
 use std::f64::consts::TAU;
 
@@ -51,7 +51,7 @@ impl Rose {
         svg.words(at(0.0, RADIUS + 16.0), 13, "start", "x");
         svg.words(at(0.25 * TAU, RADIUS + 16.0), 13, "middle", "y");
         svg.words([0.5 * SIDE, SIDE - 24.0], 17, "middle", &self.title);
-        let legend = format!("{}: outer circle {}, dashed mean {}", self.quantity, short(largest), short(mean));
+        let legend = format!("{}: outer circle {}, dashed mean {}", self.quantity, tick(largest), tick(mean));
         svg.words([0.5 * SIDE, 14.0], 13, "middle", &legend);
         svg.finish()
     }
@@ -69,7 +69,7 @@ mod tests {
         // The first sector begins on the x axis at the full radius, the second on the y axis at half of it.
         assert!(text.contains("points=\"240.00,250.00 420.00,250.00"), "{text}");
         assert!(text.contains("points=\"240.00,250.00 240.00,160.00"), "{text}");
-        assert!(text.contains("r=\"90.00\"") && text.contains("outer circle 2.000, dashed mean 1.000"), "{text}");
+        assert!(text.contains("r=\"90.00\"") && text.contains("outer circle 2, dashed mean 1"), "{text}");
         assert!(!Rose::default().to_svg().contains("NaN"));
     }
 }

@@ -39,6 +39,14 @@ impl Svg {
         self.push(format_args!("<polygon points=\"{}\" {style}/>", places.join(" ")));
     }
 
+    /// A white band over the whole width between two heights, px, that lets little of what is below it through.
+    pub(crate) fn band(&mut self, low: f64, high: f64) {
+        let (y, height) = (self.height - high, high - low);
+        self.push(format_args!(
+            "<rect y=\"{y:.2}\" width=\"100%\" height=\"{height:.2}\" fill=\"white\" fill-opacity=\"0.85\"/>"
+        ));
+    }
+
     /// Words around a place; `anchor` is `start`, `middle` or `end`.
     pub(crate) fn words(&mut self, [x, y]: [f64; 2], size: u32, anchor: &str, words: &str) {
         let y = self.height - y;

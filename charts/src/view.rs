@@ -63,8 +63,11 @@ impl View {
         svg.polygon(&corners, "fill=\"none\" stroke=\"black\" stroke-width=\"1\" stroke-dasharray=\"6 4\"");
     }
 
-    /// Title above and legend below the drawing.
+    /// Title above and legend below the drawing, on white bands: lines to images of grains reach into the margins.
     pub(crate) fn words(&self, svg: &mut Svg, title: &str, legend: &str) {
+        let height = self.size[1] + 2.5 * MARGIN;
+        svg.band(height - 0.9 * MARGIN, height);
+        svg.band(0.0, 0.75 * MARGIN);
         svg.words([MARGIN, self.size[1] + 1.9 * MARGIN], LETTERS[0], "start", title);
         svg.words([MARGIN, 0.35 * MARGIN], LETTERS[1], "start", legend);
     }

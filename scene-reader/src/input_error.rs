@@ -12,6 +12,11 @@ pub struct InputError {
 }
 
 impl InputError {
+    /// The same, of input that is named at a place of another file.
+    pub(crate) fn named_at(self, other: &Self) -> Self {
+        Self { place: format!("{}: {}", other.place, self.place), ..self }
+    }
+
     /// A problem at a place: `file:line`, a file, or a command-line argument.
     pub fn at(place: impl ToString, problem: impl ToString) -> Self {
         Self { place: place.to_string(), problem: problem.to_string(), excerpt: None, hint: None }

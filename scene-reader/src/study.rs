@@ -9,7 +9,7 @@ use keys::Located;
 use rve_server::preparation::PackingRecipe;
 use rve_server::programs::rve_test::ElementTest;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Strains that differ by less are the same: increments are shares of a segment.
 const SAME_STRAIN: f64 = 1e-9;
@@ -261,17 +261,23 @@ fn existing(document: &Document, file: &Located<PathBuf>) -> Result<PathBuf, Inp
 }
 
 fn recipe_of(document: &Document, file: &Located<PathBuf>, set: &[String]) -> Result<PackingRecipe, InputError> {
-    let recipe = Document::read(&existing(document, file)?, set)?;
-    recipe.expect(Kind::Recipe)?;
-    let read: PackingRecipe = recipe.deserialize()?;
-    read.validate().map_err(|error| recipe.table_error(error))?;
-    Ok(read)
+    let read = |path: &Path| {
+        let recipe = Document::read(path, set)?;
+        recipe.expect(Kind::Recipe)?;
+        let read: PackingRecipe = recipe.deserialize()?;
+        read.validate().map_err(|error| recipe.table_error(error))?;
+        Ok(read)
+    };
+    read(&existing(document, file)?).map_err(|error: InputError| error.named_at(&document.error_at(file.span(), "")))
 }
 
 fn test_of(document: &Document, file: &Located<PathBuf>, set: &[String]) -> Result<ElementTest, InputError> {
-    let test = Document::read(&existing(document, file)?, set)?;
-    test.expect(Kind::ElementTest)?;
-    test.deserialize::<ElementTest>()?.validated().map_err(|error| test.table_error(error))
+    let read = |path: &Path| {
+        let test = Document::read(path, set)?;
+        test.expect(Kind::ElementTest)?;
+        test.deserialize::<ElementTest>()?.validated().map_err(|error| test.table_error(error))
+    };
+    read(&existing(document, file)?).map_err(|error| error.named_at(&document.error_at(file.span(), "")))
 }
 
 fn quantity_of(document: &Document, entry: &QuantityEntry, tests: &[StudyTest]) -> Result<StudyQuantity, InputError> {

@@ -172,10 +172,12 @@ impl WorkerProcesses {
     fn remove(&mut self, place: usize, status: Option<ExitStatus>, had_completed_job: bool) {
         let ended = self.children.remove(place);
         let (pid, stderr) = (ended.child.id(), ended.stderr.text());
-        let how = status.map_or_else(|| "ended".to_owned(), |status| status.to_string());
+        let how = status.map_or_else(|| "no exit status".to_owned(), |status| status.to_string());
         let text = if stderr.is_empty() { how } else { format!("{how}: {stderr}") };
         tracing::info!(pid, text, "worker process ended");
-        self.last_end = Some(format!("worker process {pid} {text}"));
+        let before = if ended.joined { "" } else { " before it joined" };
+        self.last_end =
+            Some(format!("worker process {pid} of {} ended{before}: {text}", self.plan.program.display()));
         // A worker that signed off was replaced at that moment.
         if ended.leaving.is_some() {
             return;

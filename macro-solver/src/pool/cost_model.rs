@@ -53,11 +53,13 @@ fn effort(trial: &PointTrial) -> f64 {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Throughput {
     nanoseconds_per_evaluation: Option<f64>,
+    has_answered: bool,
 }
 
 impl Throughput {
     /// Learns from a finished job.
     pub(super) fn learn(&mut self, cost: &Cost) {
+        self.has_answered = true;
         if cost.force_evaluations == 0 {
             return;
         }
@@ -66,7 +68,12 @@ impl Throughput {
         self.nanoseconds_per_evaluation = Some(self.nanoseconds_per_evaluation.unwrap_or(0.0).max(seen));
     }
 
-    /// Expected duration of this many force evaluations; `None` before the first job.
+    /// Whether a job of the definition has been answered, by an engine that counts its force evaluations or one that does not.
+    pub(super) fn has_answered(&self) -> bool {
+        self.has_answered
+    }
+
+    /// Expected duration of this many force evaluations; `None` before the first job, and of engines that count none.
     pub(super) fn duration(&self, evaluations: u64) -> Option<Duration> {
         let nanoseconds = self.nanoseconds_per_evaluation? * evaluations as f64;
         Some(Duration::from_secs_f64((nanoseconds * 1e-9).min(86_400.0)))
@@ -107,6 +114,8 @@ mod tests {
     fn pace_is_the_slowest_seen() {
         let mut throughput = Throughput::default();
         assert_eq!(throughput.duration(10), None);
+        throughput.learn(&Cost::default());
+        assert!(throughput.has_answered() && throughput.duration(1).is_none());
         throughput.learn(&Cost { force_evaluations: 10, solve_nanoseconds: 1_000, ..Cost::default() });
         throughput.learn(&Cost { force_evaluations: 10, solve_nanoseconds: 500, ..Cost::default() });
         assert_eq!(throughput.duration(1_000_000), Some(Duration::from_micros(100_000)));

@@ -21,7 +21,8 @@ pub struct HangPolicy {
     #[serde(rename = "hang_factor")]
     #[schemars(extend("x-unit" = "-"), range(min = 1.0))]
     pub factor: f64,
-    /// Time that a job may take in addition while nothing is known of the throughput of its RVE definition.
+    /// Time that a message may take in addition while nothing is known of the throughput of an RVE definition in it. Until then its messages
+    /// hold no more jobs than a worker solves side by side.
     #[serde(rename = "hang_unknown", with = "keys::forms::seconds")]
     #[schemars(with = "f64", extend("x-unit" = "s"), range(min = 0.0, max = 2_678_400.0))]
     pub unknown: Duration,
@@ -45,21 +46,24 @@ impl Default for HangPolicy {
 impl HangPolicy {
     /// How long a message may take whose jobs are expected to take so long each (`None`: unknown) and have already taken so many workers
     /// too long. Doubles with each of these, so a job that is merely long gets through in the end; a crash tells nothing about its
-    /// length. The floor counts once: it stands for what a busy machine does to a healthy process, however many jobs that has.
+    /// length. The floor counts once: it stands for what a busy machine does to a healthy process, however many jobs that has. So does the
+    /// time of unknown jobs, which a worker solves side by side.
     pub fn allowance(&self, jobs: impl Iterator<Item = (Option<Duration>, u32)>) -> Duration {
         let mut sum = Duration::ZERO;
         let mut most = 0;
+        let mut most_unknown = 0;
         for (expected, overruns) in jobs {
             let times = 2u32.pow(overruns.min(8));
             most = most.max(times);
-            sum += times
-                * match expected {
-                    // A wild estimate must not overflow the clock: nothing in one step takes longer than a day.
-                    Some(expected) => Duration::from_secs_f64((expected.as_secs_f64() * self.factor).min(86_400.0)),
-                    None => self.unknown,
-                };
+            match expected {
+                // A wild estimate must not overflow the clock: nothing in one step takes longer than a day.
+                Some(expected) => {
+                    sum += times * Duration::from_secs_f64((expected.as_secs_f64() * self.factor).min(86_400.0))
+                }
+                None => most_unknown = most_unknown.max(times),
+            }
         }
-        sum + self.floor * most
+        sum + self.floor * most + self.unknown * most_unknown
     }
 }
 
@@ -192,5 +196,8 @@ mod tests {
         assert!(of(&[(Some(Duration::MAX), u32::MAX)]) < Duration::from_secs(86_460 * 256 + 1));
         // Every job of a message added the floor: one that hung was found after half an hour, and not after a minute.
         assert_eq!(of(&[(short, 0); 32]), Duration::from_secs_f64(69.6));
+        // And every job of a definition that no one had solved yet added its ten minutes.
+        assert_eq!(of(&[(None, 0); 8]), Duration::from_secs(660));
+        assert_eq!(of(&[(None, 0), (None, 1), (short, 0)]), Duration::from_secs_f64(1320.3));
     }
 }

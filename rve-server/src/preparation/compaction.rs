@@ -51,6 +51,15 @@ const SLACK_STRAIN: f64 = 1e-4;
 const SLACK_STEPS: i32 = 40;
 const SLACK_DOUBLINGS: i32 = 4;
 
+/// Steps in a row, of discs and of spheres, that bring the stress no nearer to the target, by [`STUCK_GAIN`], after which a packing far below its
+/// pressure is compressed in the same way: where its network hardly resists some shear, as one of cohesive grains that roll, that shear takes
+/// up every step. The servo of stiff spheres creeps for some hundreds of steps and comes to its end.
+const STUCK_STEPS: [i32; 2] = [200, 1000];
+/// See [`STUCK_STEPS`].
+const STUCK_GAIN: f64 = 0.99;
+/// Share of the pressure below which, down to [`SLACK_PRESSURE`], such steps count.
+const STUCK_PRESSURE: f64 = 0.5;
+
 /// Largest strain component of a servo step on spheres while the stress is far from the target: a network of few contacts
 /// says that it is soft, and is not after half of the step.
 const FAR_STRAIN: f64 = 2e-4;
@@ -213,6 +222,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         let learns = S::DIMENSION == 3;
         let (mut best, mut since_best) = (f64::INFINITY, 0);
         let (mut watch, mut careful_steps, mut slack) = (StagnationMonitor::new(), 0, 0);
+        let (mut nearest, mut stuck) = (f64::INFINITY, 0);
         for increment in 0..self.limits.increments {
             self.commit()?;
             self.report("servo", increment, &answer);
@@ -237,6 +247,17 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
             }
             if let Some(operator) = &answer.tangent {
                 response.adopt(operator);
+            }
+            (nearest, stuck) = match self.pressure_share(&answer) {
+                share if !(SLACK_PRESSURE..STUCK_PRESSURE).contains(&share) => (f64::INFINITY, 0),
+                _ if error < STUCK_GAIN * nearest => (error, 0),
+                _ => (nearest, stuck + 1),
+            };
+            let longest = STUCK_STEPS[usize::from(learns)];
+            if stuck > longest {
+                let strain = SLACK_STRAIN * 2f64.powi((stuck - longest).min(SLACK_DOUBLINGS));
+                answer = self.trial(&self.isotropic(-strain), self.tangent())?;
+                continue;
             }
             slack = if self.pressure_share(&answer) < SLACK_PRESSURE { slack + 1 } else { 0 };
             if !learns && slack > SLACK_STEPS {

@@ -248,6 +248,11 @@ impl Document {
 
     fn toml_error(&self, error: &toml::de::Error) -> InputError {
         let message = error.message().trim().replace('\n', ", ");
+        if self.text.trim_start().starts_with('{') {
+            return self.error("this is a JSON file, and input files are in TOML").hint(
+                "a packing is named in a scene or an element test, as in packing = \"packings/discs-400.json\"",
+            );
+        }
         let is_twice = message.starts_with("duplicate key");
         let error = match error.span() {
             Some(span) => self.error_at(span, message),

@@ -4,7 +4,7 @@ use super::Arguments;
 use crate::engines::Catalogue;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
-use crate::workers::SignalWatch;
+use crate::workers::{SignalWatch, allow_open_files_for};
 use grain_pool::processes::{Engine, LaunchPlan, WorkerProcesses, channel_limits, most_workers, run_name};
 use hosts::agent::{Agent, AgentEnd, AgentError, AgentFigures, AgentOptions};
 use hosts::{JoinError, Limits, Target};
@@ -62,6 +62,7 @@ fn serve_one(
     interrupt: &Interrupt,
     signals: &SignalWatch,
 ) -> Result<(Result<AgentEnd, AgentError>, AgentFigures), Failure> {
+    allow_open_files_for(workers)?;
     // A run or agent that was killed on this host has left its memory. Failure harms nobody.
     let _ = RunDirectory::clean();
     let name = run_name("agent");

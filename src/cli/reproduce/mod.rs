@@ -15,6 +15,7 @@ mod runner;
 use super::commit::commit_of;
 use super::comparison::{comparison_csv, comparison_text};
 use crate::exit::{Exit, Failure};
+use crate::folder_lock::refuse_folder_of_a_run;
 use crate::machine::Machine;
 use crate::stderr::tell;
 use crate::stdout::print;
@@ -156,6 +157,7 @@ fn list() -> String {
 fn make(figure: &Figure, arguments: &Arguments, inputs: &Inputs, interrupt: &Interrupt) -> Result<(), Failure> {
     let default = || Path::new("out/reproduce").join(format!("{}-{}", figure.name, arguments.size.keyword()));
     let out = arguments.out.clone().unwrap_or_else(default);
+    refuse_folder_of_a_run(&out)?;
     tell(format_args!("{}: {} ({})", figure.name, figure.shows, figure.source));
     let results = runner::run_all(figure, inputs, &out, arguments, interrupt)?;
     let outcome = (figure.evaluate)(&results, arguments.size)?;

@@ -30,8 +30,12 @@ fn accuracy(accuracy: &AccuracySummary) -> String {
     } else {
         format!("strain per step {smallest:.1e} to {largest:.1e}")
     };
+    let points = match points {
+        1 => "1 point (error_estimate.share = 1 takes all)".to_owned(),
+        points => format!("{points} points"),
+    };
     format!(
-        "estimated error {} of the pressure at a point, {} of the mean stress{wanted}; {strain}; {points} points solved once more, {} \
+        "estimated error {} of the pressure at a point, {} of the mean stress{wanted}; {strain}; {points} solved once more, {} \
          of the work",
         percent(accuracy.estimated_error),
         percent(accuracy.estimated_error_of_mean),

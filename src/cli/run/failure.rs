@@ -30,6 +30,12 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engi
                 Some(explained) => {
                     format!("the run found no equilibrium to start from{stage}: {reason}\n{explained}")
                 }
+                None if run.has_no_start() && is_nearly_balanced(scene, run) => format!(
+                    "the run found no equilibrium to start from{stage}: {reason}\nhint: the body is given in balance to {:.1e} of the loads, \
+                     which is little, but not to solver.force_tolerance: cells are brought to rest no closer than their own tolerance; take a \
+                     larger solver.force_tolerance, or another solver.strategy",
+                    run.statistics.initial_imbalance
+                ),
                 None if run.has_no_start() => format!(
                     "the run found no equilibrium to start from{stage}: {reason}\nhint: the loads that act from the start are more than the \
                      body bears as it is given, or its supports do not hold it; {}",
@@ -76,6 +82,12 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engi
         ),
         Outcome::CheckpointRefused(error) => Failure::new(Exit::BadInput, error),
     })
+}
+
+/// Whether the stress that a body is given balances its loads better than any scene needs it to.
+fn is_nearly_balanced(scene: &Scene, run: &Run) -> bool {
+    let asked = scene.problem.stages.first().map_or(0.0, |stage| stage.tolerances.force);
+    run.statistics.initial_imbalance < 1e-5 && asked < 1e-5
 }
 
 /// How steps become smaller than they were.

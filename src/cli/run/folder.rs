@@ -1,7 +1,7 @@
 //! The output folder of a run: created only when all input has been checked, and never over foreign files.
 
 use crate::exit::Failure;
-use crate::folder_lock::lock_folder;
+use crate::folder_lock::{MARKS_OF_A_RUN, lock_folder};
 use macro_solver::output::{OutputError, is_draft, remove_drafts, write_atomically};
 use page::Controls;
 use scene_reader::{InputCopy, InputError};
@@ -35,9 +35,6 @@ const FILES: [&str; 17] = [
 
 /// The log, which every run begins with.
 const LOG: &str = "run.jsonl";
-
-/// Files of which a folder of a run holds one at least, whatever else in it may be called as those of a run are.
-const MARKS: [&str; 2] = [LOG, "checkpoint.bin"];
 
 /// Folders that a run fills.
 const FOLDERS: [&str; 7] = ["cells", "control", "fields", "grains", "packings", "points", "profiles"];
@@ -150,7 +147,8 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<(), InputError> {
     if path.exists() && !path.is_dir() {
         return Err(unusable("this is a file, not a folder".to_owned()).hint("name a folder that may be created"));
     }
-    let has_run = MARKS.iter().any(|mark| path.join(mark).is_file());
+    // Whatever else in it may be called as those of a run are.
+    let has_run = MARKS_OF_A_RUN.iter().any(|mark| path.join(mark).is_file());
     for entry in fs::read_dir(path).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         let foreign = if !has_run {

@@ -8,7 +8,7 @@ use super::resume::{Continued, RunDescription, added_up};
 use crate::engines::{EngineAssignment, PoolDefinitions};
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
-use crate::workers::{RunProgress, SignalWatch, StatusFile};
+use crate::workers::{RunProgress, SignalWatch, StatusFile, allow_open_files_for};
 use grain_pool::processes::{LaunchPlan, WorkerGroups, WorkerProcesses, channel_limits, most_workers, run_name};
 use macro_solver::material::MaterialError;
 use macro_solver::material::error_estimate::{SamplePlan, sample};
@@ -69,12 +69,13 @@ pub(super) struct Channels {
 /// Opens the channels.
 ///
 /// # Errors
-/// A name that is none or that a living run has, an error that no point can estimate, an endpoint that is taken, shared memory that is
+/// Too few open files, a name that is none or that a living run has, an error that no point can estimate, an endpoint that is taken, shared memory that is
 /// full.
 pub(super) fn open(scene: &Scene, assignment: &EngineAssignment, arguments: &Arguments) -> Result<Channels, Failure> {
     let begun = Instant::now();
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));
     let requested = workers(arguments);
+    allow_open_files_for(requested)?;
     let waiting = arguments.wait.map(Waiting::from).or(scene.pool.wait).unwrap_or_default();
     let mut served = assignment.pool_definitions(&scene.materials);
     let replicas = replicas_of(scene, assignment)?;

@@ -52,7 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         folder::refuse_foreign(&path)?;
     }
     let watch = launch::Watch::start()?;
-    preparation::prepare_cells(&mut scene, arguments.quiet, &watch.interrupt)?;
+    preparation::prepare_cells(&mut scene, arguments.workers, arguments.quiet, &watch.interrupt)?;
     watch.go_on()?;
     let as_run = scene.as_run()?;
     let description = RunDescription::new(&as_run, Contents::new(&scene, &assignment));

@@ -1,23 +1,39 @@
 //! Cells brought to the stress of their Gauss points before the run, with progress for people.
 
 use super::super::waiting_progress::WaitingProgress;
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use macro_solver::pool::Interrupt;
+use rayon::ThreadPoolBuilder;
 use scene_reader::Scene;
+use std::num::NonZeroUsize;
 use std::time::Instant;
 
-/// Prepares the cells if `[initial_stress] prepare` asks for it. If `interrupt` is raised meanwhile it ends early, with the scene as it was.
+/// Prepares the cells if `[initial_stress] prepare` asks for it, on as many cores as the run has workers at most. If `interrupt` is raised
+/// meanwhile it ends early, with the scene as it was.
 ///
 /// # Errors
-/// A stress that the grains of a point cannot carry.
-pub(super) fn prepare_cells(scene: &mut Scene, quiet: bool, interrupt: &Interrupt) -> Result<(), Failure> {
+/// A stress that the grains of a point cannot carry; the system refuses threads.
+pub(super) fn prepare_cells(
+    scene: &mut Scene,
+    workers: Option<usize>,
+    quiet: bool,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
     let Some(planned) = scene.preparation() else { return Ok(()) };
     let begun = Instant::now();
     let progress_line = WaitingProgress::start(quiet);
-    let is_done = scene.prepare_cells(&|done| {
-        progress_line.set(format!("cell {done} of {} brought to its stress", planned.cells));
-        !interrupt.is_raised()
+    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    let threads =
+        ThreadPoolBuilder::new().num_threads(workers.map_or(cores, |workers| workers.clamp(1, cores))).build();
+    let threads = threads.map_err(|error| {
+        Failure::new(Exit::BadInput, format!("could not start threads that prepare cells: {error}"))
+    })?;
+    let is_done = threads.install(|| {
+        scene.prepare_cells(&|done| {
+            progress_line.set(format!("cell {done} of {} brought to its stress", planned.cells));
+            !interrupt.is_raised()
+        })
     })?;
     drop(progress_line);
     if !is_done {

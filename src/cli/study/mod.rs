@@ -11,7 +11,7 @@ mod tables;
 use super::commit::commit_of;
 use super::comparison::{comparison_csv, comparison_text};
 use crate::exit::{Exit, Failure};
-use crate::folder_lock::lock_folder;
+use crate::folder_lock::{lock_folder, refuse_folder_of_a_run};
 use crate::machine::Machine;
 use crate::side_by_side::cores;
 use crate::stderr::tell;
@@ -75,6 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let study = read_study(&document)?;
     ensemble::check(&study)?;
     let out = arguments.out.clone().unwrap_or_else(|| default_folder(&study.name, arguments.size.as_deref()));
+    refuse_folder_of_a_run(&out)?;
     std::fs::create_dir_all(&out).map_err(|source| OutputError::write(&out, source))?;
     let _lock = lock_folder(&out, "--out", "study", "wait for its end, or name another folder")?;
     let total = ensemble::places(&study).len();

@@ -16,6 +16,14 @@ fn remedies_of_beginners_mistakes_are_named() {
     }
     let lengths = ["check", "scene.toml", "--set", "mesh.generator=footing"];
     input.refused(&lengths, &["generator = \"footing\" with", "half width of the footing"]);
+    input.refused(&["check", "discs-100.json"], &["discs-100.json: this is a JSON file", "packing = "]);
+    // Nothing of a run: it would be in the way of the next one.
+    fs::create_dir(input.path("run")).unwrap();
+    fs::write(input.path("run/run.jsonl"), "").unwrap();
+    input.refused(
+        &["reproduce", "liu2018-cells", "--out", "run"],
+        &["this is the folder of a run", "name another folder"],
+    );
     fs::write(input.path("two.toml"), "[boundary]\nset = \"a\"\n[boundary]\nset = \"b\"\n").unwrap();
     input.refused(&["check", "two.toml"], &["two.toml:3: duplicate key", "as in [[boundary]]"]);
     fs::write(input.path("bare.toml"), "number = 30\n[grading]\ndistribution = \"power_law\"\n").unwrap();
@@ -26,6 +34,9 @@ fn remedies_of_beginners_mistakes_are_named() {
                  file = \"nothing.toml\"\n[[quantity]]\nname = \"c\"\nmeasure = \"stress_ratio\"\ntake = \"largest\"\n";
     fs::write(input.path("study.toml"), study).unwrap();
     input.refused(&["study", "study.toml"], &["study.toml:8: there is no file nothing.toml", "folder of the study"]);
+    let misspelt = study.replace("\"recipe.toml\"", "\"recipe.toml\"\nset = [\"numbr=3\"]");
+    fs::write(input.path("study.toml"), misspelt).unwrap();
+    input.refused(&["study", "study.toml"], &["study.toml:5: --set numbr=3", "did you mean `number`"]);
 }
 
 /// The same files with a byte order mark, which some editors write, and a friction that is an angle: taken, the latter with a note.

@@ -22,7 +22,7 @@ use crate::checkpoint::{Archive, CheckpointError};
 use crate::formulation::tensor::{matrix, tensor};
 use estimate::{ERROR_OF_DIFFERENCE, Finding, Sums, estimate, norm};
 use nalgebra::Matrix3;
-use protocol::{Observables, TangentKind, Tensor2, TrialOptions, TrialResult};
+use protocol::{Observables, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use roaming::Strains;
 use serde::{Deserialize, Serialize};
 
@@ -74,6 +74,7 @@ struct Latest {
     ramp_steps: u32,
     friction_reduction: f64,
     stress: Tensor2,
+    bears_load: bool,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -90,6 +91,8 @@ struct State {
     pressure: f64,
     /// Stress of the point minus that of the replica, Pa.
     difference: Option<[f64; 9]>,
+    /// Whether the point had load-bearing contacts in the latest committed trial. Cells without any agree, and that says nothing about others.
+    bears_load: bool,
     lost: bool,
 }
 
@@ -284,6 +287,7 @@ impl State {
             pending_increments: 0,
             pressure: 0.0,
             difference: None,
+            bears_load: true,
             lost: false,
         }
     }
@@ -293,6 +297,7 @@ impl State {
         self.pending = flat(&(deformation * Matrix3::from_row_slice(&self.pending)));
         self.pending_ramp_steps = self.pending_ramp_steps.saturating_add(latest.ramp_steps);
         self.pending_increments += 1;
+        self.bears_load = latest.bears_load;
         self.pressure = self.pressure.max(stress_level(axes, &matrix(&latest.stress)));
     }
 
@@ -320,7 +325,7 @@ impl State {
 
     /// What the replica tells about its point, if anything.
     fn finding(&self) -> Option<Finding> {
-        let relative = self.relative()?;
+        let relative = self.relative().filter(|_| self.bears_load)?;
         Some(Finding { relative, pressure: self.pressure, difference: self.difference })
     }
 
@@ -345,7 +350,9 @@ impl PointMaterial for ErrorEstimator<'_> {
             if let Some(place) = self.replica_of.get(trial.point).copied().flatten() {
                 let TrialOptions { ramp_steps, friction_reduction, .. } = trial.options;
                 let (target, stress) = (trial.target, result.stress);
-                self.replicas[place].latest = Some(Latest { target, ramp_steps, friction_reduction, stress });
+                let bears_load = !result.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS);
+                self.replicas[place].latest =
+                    Some(Latest { target, ramp_steps, friction_reduction, stress, bears_load });
             }
         }
         Ok(results)
@@ -416,7 +423,7 @@ impl PointMaterial for ErrorEstimator<'_> {
 const SECTION: &str = "error estimate";
 
 /// Counts changes of what [`ErrorEstimator`] saves.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 #[cfg(test)]
 mod tests;

@@ -11,6 +11,9 @@ struct Hardening {
     trial: Vec<Option<f64>>,
     /// Refuses trials of this point.
     refuses: Option<PointId>,
+    /// Points without load-bearing contacts from this number of commits on.
+    idle: Option<(Vec<PointId>, usize)>,
+    commits: usize,
     evaluations: usize,
 }
 
@@ -25,6 +28,8 @@ impl Hardening {
             marked: Vec::new(),
             trial: vec![None; points],
             refuses: None,
+            idle: None,
+            commits: 0,
             evaluations: 0,
         }
     }
@@ -48,6 +53,12 @@ impl PointMaterial for Hardening {
             for _ in 0..steps {
                 stress += MODULUS * (1.0 - stress / LIMIT) * trial.target.get(1, 1) / f64::from(steps);
             }
+            let mut flags = TrialFlags::default();
+            if self.idle.as_ref().is_some_and(|(points, from)| points.contains(&trial.point) && self.commits >= *from)
+            {
+                flags.insert(TrialFlags::NO_LOAD_BEARING_CONTACTS);
+                stress = 0.0;
+            }
             self.trial[trial.point] = Some(stress);
             results.push(TrialResult {
                 stress: Tensor2::from_plane([[stress, 0.0], [0.0, stress]]),
@@ -55,13 +66,14 @@ impl PointMaterial for Hardening {
                 scalars: Scalars::default(),
                 observed: Observed::default(),
                 cost: Cost::default(),
-                flags: TrialFlags::default(),
+                flags,
             });
         }
         Ok(results)
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
+        self.commits += 1;
         for (committed, trial) in self.committed.iter_mut().zip(&mut self.trial) {
             *committed = trial.take().unwrap_or(*committed);
         }
@@ -118,6 +130,24 @@ fn loaded(estimator: &mut ErrorEstimator<'_>, steps: usize, strain: f64, ramp_st
         estimator.commit().unwrap();
     }
     stress
+}
+
+/// A cell and its replica that both carry nothing agree. The error of a body whose only followed point was such a one was said to be 0.
+#[test]
+fn points_that_bear_no_load_say_nothing_about_the_others() {
+    let follow = |idle: &[PointId], steps: usize| {
+        let mut material = Hardening::new(4);
+        material.idle = Some((idle.to_vec(), 5));
+        let plans = [ReplicaPlan { point: 0, replica: 2 }, ReplicaPlan { point: 1, replica: 3 }];
+        let mut estimator = ErrorEstimator::new(&mut material, 2, &fixed(&plans));
+        loaded(&mut estimator, steps, 2e-4, 5);
+        estimator.error_estimate()
+    };
+    let (both, one) = (follow(&[], 10).unwrap(), follow(&[1, 3], 10).unwrap());
+    assert_eq!((both.points, one.points), (2, 1));
+    assert!((one.rms / both.rms - 1.0).abs() < 1e-12, "{one:?} {both:?}");
+    assert!(follow(&[0, 1, 2, 3], 5).is_some());
+    assert_eq!(follow(&[0, 1, 2, 3], 10), None, "nobody knows");
 }
 
 #[test]

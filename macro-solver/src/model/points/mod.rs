@@ -15,6 +15,7 @@ pub(crate) use coupling::Coupling;
 pub(crate) use point::Point;
 pub(crate) use record::{PointRecord, copy};
 
+use crate::formulation::corotation::Polar;
 use crate::formulation::{Formulation, Operator};
 use crate::mesh::{Dimension, point_places};
 use crate::nonlocal::NonlocalLayer;
@@ -215,7 +216,7 @@ impl Points {
                 Some(seen) => self.formulation.target_of_strain(&point.deformation, gradient, &seen[number]),
                 None => self.formulation.target(&point.deformation, gradient),
             };
-            let largest = target.map_or(gradient.amax(), |target| target.amax());
+            let largest = largest_stretch(&target.unwrap_or(*gradient));
             let ramp_steps = (largest / self.strain_per_step).round().clamp(1.0, f64::from(u32::MAX)) as u32;
             if ramp_steps != point.ramp_steps {
                 // Another ramp is another function: earlier answers of this step do not belong to it.
@@ -286,6 +287,15 @@ impl Points {
         self.points.iter().filter_map(|point| point.answer.as_ref()).for_each(|answer| counts.add(answer.flags));
         counts
     }
+}
+
+/// Largest component of the stretch of a target less the identity: what a cell is strained by. It is turned along for nothing.
+fn largest_stretch(target: &Matrix3<f64>) -> f64 {
+    if *target == target.transpose() {
+        return target.amax();
+    }
+    let identity = Matrix3::identity();
+    Polar::of(&(identity + target)).map_or(target.amax(), |polar| (polar.stretch - identity).amax())
 }
 
 #[cfg(test)]

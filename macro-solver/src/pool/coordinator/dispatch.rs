@@ -55,7 +55,7 @@ impl Coordinator {
         let share = left / active as u128;
         let work = if active < MANY_WORKERS { share } else { share / 4 };
         let mut indices = self.batch.queue.take(group, worker, most, work);
-        for surplus in indices.split_off(self.fitting(&indices)) {
+        for surplus in indices.split_off(self.fitting(&indices).min(self.supervised(&indices, side_by_side))) {
             self.batch.put_back(surplus);
         }
         Some(self.book(worker, indices, now))
@@ -70,6 +70,13 @@ impl Coordinator {
             Some(*total)
         });
         totals.take_while(|total| *total <= self.settings.message_bytes).count().max(1)
+    }
+
+    /// Number of these jobs whose duration can be limited: as many as are solved side by side while none of one of their definitions has been
+    /// answered, since a worker that hangs with them is found after the time of one message.
+    fn supervised(&self, indices: &[usize], side_by_side: usize) -> usize {
+        let unknown = |&index: &usize| !self.throughputs[self.batch.jobs[index].definition].has_answered();
+        if indices.iter().any(unknown) { side_by_side.max(1) } else { indices.len() }
     }
 
     /// A busy worker that may get its next message ahead of time, so that it need not wait for the channel: one whose

@@ -259,12 +259,28 @@ fn jobs_that_a_worker_solves_side_by_side_are_sent_together() {
 
 #[test]
 fn slices_hold_several_jobs_and_the_longest_goes_first() {
-    let mut stage = Stage::new(4).hire(1000, &[]);
+    let mut stage = Stage::new(4);
+    // Of cells that no one has solved yet a message holds as many as are solved side by side.
+    stage.world.borrow_mut().side_by_side = 3;
+    stage = stage.hire(1000, &[]);
     stage.settings.jobs_per_message = NonZeroUsize::new(3).unwrap();
     let mut pool = stage.open(6);
     pool.evaluate(&questions(6, 0)).unwrap();
     let order: Vec<_> = stage.world.borrow().received.iter().map(|(job, _)| job.point).collect();
     assert_eq!(order, [5, 3, 1, 4, 2, 0]);
+}
+
+/// A worker that hung with the first message of a run was found after ten minutes for each of its jobs.
+#[test]
+fn cells_that_no_one_has_solved_yet_are_sent_in_short_messages() {
+    let mut stage = Stage::new(4);
+    stage.world.borrow_mut().side_by_side = 2;
+    stage = stage.hire(1000, &[]);
+    stage.settings.jobs_per_message = NonZeroUsize::new(64).unwrap();
+    let mut pool = stage.open(12);
+    pool.evaluate(&questions(12, 0)).unwrap();
+    let slices = stage.world.borrow().slices.clone();
+    assert!(slices[0] == 2 && slices.iter().any(|jobs| *jobs > 2), "{slices:?}");
 }
 
 #[test]

@@ -3,24 +3,27 @@
 //! Every iterate is evaluated from the committed state. Where that does not contract because cells snap, the attempt ends unfinished,
 //! and the step goes on from its last iterate.
 
+mod correction;
 mod globalisation;
 mod idle;
 pub(in crate::solve) mod path;
 mod prediction;
 pub(in crate::solve) mod quasi_newton;
+mod residual_norms;
 pub(in crate::solve) mod tangent_update;
 
 use super::accepted::{Attempted, Converged, Unfinished};
 use super::driver::{Session, Solver, timed};
-use super::linear_solver::{LinearSolverError, norm};
+use super::linear_solver::norm;
 use super::procedure::LoadStepMethod;
 use crate::model::failure::Failure;
 use crate::observer::IterationReport;
-use crate::problem::{ConvergenceMeasures, DisplacementMeasure, ForceMeasure};
+use crate::problem::{ConvergenceMeasures, DisplacementMeasure};
 use globalisation::Globalisation;
 use nalgebra::Matrix3;
 use path::PathConstraint;
 use protocol::TangentKind;
+pub(in crate::solve) use residual_norms::ResidualNorms;
 use thiserror::Error;
 
 /// A correction below this share of the displacements so far is round-off: a step in which nothing moves converges.
@@ -29,10 +32,6 @@ const ROUND_OFF: f64 = 1e-12;
 /// In stages in which nothing changes but friction: corrections below this share of the extent of the body are round-off. A body that bears
 /// the change has no displacement that its corrections could be compared with.
 const UNMOVED: f64 = 1e-9;
-
-/// Share of the largest reactions or loads of the run below which the out-of-balance force is measured by that share: a body that
-/// is unloaded to zero has nothing left to compare with.
-const LEAST_FORCES: f64 = 1e-2;
 
 /// Out-of-balance force over reactions and loads up to which an iterate is committed.
 const LARGEST_IMBALANCE: f64 = 0.1;
@@ -55,29 +54,6 @@ enum Rejection {
         /// Out-of-balance ratio.
         force_ratio: f64,
     },
-}
-
-/// Norms of the out-of-balance force of an evaluated iterate and of the forces that it is measured by.
-pub(super) struct ResidualNorms {
-    /// Points evaluated.
-    pub(super) evaluations: u64,
-    /// Norm of the out-of-balance force at free degrees of freedom, N, in the plane per metre.
-    pub(super) residual: f64,
-    /// Norm of the reactions or of the loads, whichever is larger, and at least [`LEAST_FORCES`] of what they were, N, in the plane per metre.
-    pub(super) scale: f64,
-    /// Norm of the reactions, at least as much, N, in the plane per metre.
-    pub(super) reactions: f64,
-}
-
-impl ResidualNorms {
-    /// Out-of-balance over the forces that a measure names.
-    pub(super) fn ratio(&self, measure: ForceMeasure) -> f64 {
-        let scale = match measure {
-            ForceMeasure::Largest => self.scale,
-            ForceMeasure::Reactions => self.reactions,
-        };
-        if self.residual == 0.0 { 0.0 } else { self.residual / scale }
-    }
 }
 
 /// Newton's method with predictor, globalisation and the tangent updates of the strategy.
@@ -443,62 +419,8 @@ impl Solver<'_> {
 
     /// Norms of the assembled balance.
     pub(super) fn residual_norms(&self, evaluations: u64) -> ResidualNorms {
-        let residual = self.balance.residual();
-        let reactions = self.reactions(&residual);
-        let least = LEAST_FORCES * self.statistics.largest_forces;
-        ResidualNorms {
-            evaluations,
-            residual: norm(&self.constraints.restrict(&residual)),
-            scale: reactions.max(norm(&self.balance.external)).max(least),
-            reactions: reactions.max(least),
-        }
-    }
-
-    /// Norm of the reactions. Where they vanish, the force of a relative displacement of 1e-9 keeps round-off from
-    /// looking like imbalance.
-    fn reactions(&self, residual: &[f64]) -> f64 {
-        let reactions: Vec<f64> = (0..residual.len())
-            .filter(|&dof| self.constraints.unknown(dof).is_none())
-            .map(|dof| residual[dof])
-            .collect();
-        norm(&reactions).max(1e-9 * self.balance.largest_diagonal() * self.body.extent())
-    }
-
-    /// The correction of the evaluated iterate, zero at prescribed degrees of freedom: Newton's, with the tangents of the
-    /// strategy's update rule, modified by quasi-Newton pairs.
-    fn correction(&mut self, iterate: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
-        let residual = self.constraints.restrict(&self.balance.residual());
-        let right: Vec<f64> = residual.iter().map(|value| -value).collect();
-        if let Some(memory) = &mut self.memory {
-            let change = |step: &[f64]| largest_component(&self.body.gradients(&self.constraints.expand(step)));
-            memory.learn(&self.constraints.select(iterate), &residual, change);
-        }
-        if self.tangents.factorizes() {
-            self.factorize()?;
-        }
-        self.solve_linear(&right)
-    }
-
-    /// Factorizes the stiffness of the latest balance.
-    pub(super) fn factorize(&mut self) -> Result<(), LinearSolverError> {
-        let blocks = self.constraints.condense(&self.balance.blocks);
-        timed(&mut self.statistics.linear_solver_nanoseconds, || self.linear.factorize(&blocks))?;
-        self.tangents.factorized();
-        Ok(())
-    }
-
-    /// Solves with the factors in place and returns displacements that are zero where prescribed.
-    pub(super) fn solve_linear(&mut self, right: &[f64]) -> Result<Vec<f64>, LinearSolverError> {
-        let (linear, memory) = (&mut self.linear, &self.memory);
-        let solution = timed(&mut self.statistics.linear_solver_nanoseconds, || match memory {
-            Some(memory) => memory.apply(right, |right| linear.solve(right)),
-            None => linear.solve(right),
-        });
-        self.statistics.symbolic_factorizations = self.linear.symbolic_count();
-        self.statistics.numeric_factorizations = self.linear.numeric_count();
-        self.statistics.linear_iterations = self.linear.iteration_count();
-        self.statistics.direct_fallbacks = self.linear.fallback_count();
-        Ok(self.constraints.expand(&solution?))
+        let largest_forces = self.statistics.largest_forces;
+        ResidualNorms::of(&self.balance, &self.constraints, self.body.extent(), largest_forces, evaluations)
     }
 
     /// Size of a full step over that of the step to `stage_fraction`; 1 for the initial equilibrium, which has no size.

@@ -12,6 +12,7 @@
 //! A step that goes on from a [committed iterate](committed_iterates) takes the same path from there, at first without viscosity.
 
 mod committed_iterates;
+mod noise;
 mod path;
 
 use super::accepted::{Converged, Counters, Followed};
@@ -27,6 +28,7 @@ use crate::model::failure::{Failure, failure};
 use crate::model::points::Points;
 use crate::observer::{AttemptCost, Outcome, Stabilised as Event};
 use crate::problem::Stabilisation;
+use noise::CorrectionNoise;
 use path::{MOST_WITHOUT_GAIN, StabilisedPath};
 
 /// Growth of the out-of-balance force at which an increment is rejected and made smaller.
@@ -48,6 +50,10 @@ const MAX_HALVINGS: usize = 20;
 /// An increment in which supports and loads cover less than this share of the step counts as one at fixed loads.
 const LEAST_ADVANCE: f64 = 1e-3;
 
+/// Share of the out-of-balance force that an increment has to leave at most if the path is to go on towards the tolerances from a state
+/// that is good enough for a step without progress.
+const LARGEST_PROGRESS: f64 = 0.5;
+
 /// An increment to be tried.
 struct Trial {
     increment: Vec<f64>,
@@ -55,6 +61,13 @@ struct Trial {
     to: f64,
     /// Out-of-balance force along the unknowns before it, with the part that the motion of supports and loads adds.
     residual: Vec<f64>,
+}
+
+/// A state that a path may end at, with what its evaluation has left: the next increment may have to be dropped.
+struct Acceptable {
+    end: Converged,
+    points: Points,
+    tangents: TangentUpdater,
 }
 
 /// The state before a stabilised step. The material keeps its own.
@@ -203,14 +216,33 @@ impl Solver<'_> {
         // The number of increments in which loads move follows from the cap; those at fixed loads are limited.
         let (mut at_fixed_loads, least_advance) = (0, LEAST_ADVANCE * (target - self.stage_fraction));
         let (mut least, mut without_gain) = (f64::INFINITY, 0);
+        // Of a committed iterate that the path begins with.
+        let mut before = path.event.largest_imbalance;
+        let mut acceptable: Option<Acceptable> = None;
+        let mut noise = CorrectionNoise::new();
         for iteration in path.iterations + 1.. {
+            let held = acceptable.take();
             if at_fixed_loads == settings.most_increments || path.most_without_gain == Some(without_gain) {
+                if let Some(held) = held {
+                    return Ok(held.end);
+                }
                 break;
             }
-            path.limit_plain_increments();
+            if held.is_none() {
+                path.limit_plain_increments();
+            }
             self.statistics.iterations += 1;
             let from = path.stage_fraction;
-            let force_ratio = self.try_increment(path, target, iteration, session)?;
+            let tried = self.try_increment(path, target, iteration, held.is_some(), session);
+            let force_ratio = match (tried, held) {
+                (Ok(_), Some(held)) if path.backtracks > 0 => return Ok(self.end_at(held, iteration)),
+                (Err(Failure::Attempt(_)), Some(held)) => return Ok(self.end_at(held, iteration)),
+                (tried, _) => tried?,
+            };
+            let mut progresses = false;
+            if path.backtracks == 0 {
+                progresses = force_ratio <= LARGEST_PROGRESS * std::mem::replace(&mut before, force_ratio);
+            }
             let is_fixed = path.stage_fraction >= target || path.stage_fraction - from < least_advance;
             at_fixed_loads += usize::from(is_fixed);
             // Loads that move bring force of their own.
@@ -222,10 +254,11 @@ impl Solver<'_> {
             if path.stage_fraction < target {
                 continue;
             }
-            // It begins where iterations have stagnated, and ends where such steps end.
+            // It begins where iterations have stagnated, and ends where such steps end, unless the tolerances are near.
             let strict = self.stage().tolerances;
             let tolerances = strict.stagnated();
             if path.backtracks > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
+                noise = CorrectionNoise::new();
                 continue;
             }
             // Without viscosity: the correction of Newton's method.
@@ -238,19 +271,26 @@ impl Solver<'_> {
             };
             let full_step = self.full_step(target);
             let measures = self.convergence_measures(force_ratio, &path.increment, &correction, full_step);
-            if tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0) {
-                return Ok(Converged {
-                    increment: std::mem::take(&mut path.increment),
+            // Smaller steps have more of it.
+            let is_noise = tolerances.accept_noise() && noise.is_all(&correction, measures.displacement);
+            if is_noise || tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0) {
+                let end = Converged {
+                    increment: path.increment.clone(),
                     load: target,
                     iterations: iteration,
                     force_ratio: measures.force,
                     displacement_ratio: measures.displacement,
                     correction: Some(correction),
                     stagnated: strict.excess(&measures).iter().any(|excess| *excess > 1.0),
-                });
+                };
+                if is_noise || !end.stagnated || !progresses {
+                    return Ok(end);
+                }
+                acceptable = Some(Acceptable { end, points: self.points.clone(), tangents: self.tangents.clone() });
             }
             last = format!("{last}, correction {:.2e}", measures.displacement);
-            path.viscosity = 0.0;
+            // Newton's method from here: factors on increments belong to viscous ones.
+            (path.viscosity, path.step_factor) = (0.0, 1.0);
         }
         Err(Failure::Attempt(match path.most_without_gain == Some(without_gain) {
             true => format!(
@@ -260,12 +300,23 @@ impl Solver<'_> {
         }))
     }
 
-    /// One increment; the out-of-balance ratio after it. It has been rejected if the path has backtracks then.
+    /// Ends a path where an increment began that has been dropped.
+    fn end_at(&mut self, held: Acceptable, iteration: usize) -> Converged {
+        let Acceptable { end, points, tangents } = held;
+        self.points.return_to(points);
+        self.tangents = tangents;
+        self.balance = self.committed_balance.clone();
+        Converged { iterations: iteration, ..end }
+    }
+
+    /// One increment; the out-of-balance ratio after it. It has been rejected if the path has backtracks then, as any without gain that
+    /// `has_to_gain`.
     fn try_increment(
         &mut self,
         path: &mut StabilisedPath,
         target: f64,
         iteration: usize,
+        has_to_gain: bool,
         session: &mut Session<'_>,
     ) -> Result<f64, Failure> {
         let trial = self.viscous_increment(path, target).map_err(failed)?;
@@ -290,7 +341,9 @@ impl Solver<'_> {
         let tolerances = &self.stage().tolerances;
         let force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
         (report.evaluations, report.force_ratio) = (norms.evaluations, force_ratio);
-        if growth > LARGEST_GROWTH && force_ratio > tolerances.force && path.rejections < MAX_REJECTIONS {
+        let goes_too_far =
+            growth > LARGEST_GROWTH && force_ratio > tolerances.force && path.rejections < MAX_REJECTIONS;
+        if goes_too_far || (has_to_gain && growth >= 1.0) {
             self.reject(report, session);
             self.drop_trial(path, session);
             return Ok(force_ratio);

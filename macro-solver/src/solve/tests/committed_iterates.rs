@@ -28,17 +28,28 @@ struct Rough {
     commits: usize,
     /// Number of commits after which every trial is refused.
     most_commits: usize,
+    /// Number of commits after which the first point jumps once, in the next small increment.
+    jumps_after: Option<usize>,
 }
 
 impl Rough {
     fn new() -> Self {
-        Self { inner: weak_at_the_bottom(), branches: Default::default(), commits: 0, most_commits: usize::MAX }
+        Self {
+            inner: weak_at_the_bottom(),
+            branches: Default::default(),
+            commits: 0,
+            most_commits: usize::MAX,
+            jumps_after: None,
+        }
     }
 
     /// Branch of a point after a trial.
     fn branch(&self, trial: &PointTrial) -> f64 {
         let strain = trial.target.get(1, 1);
         if strain.abs() < SMALL {
+            if self.jumps_after == Some(self.commits) && trial.point == 0 {
+                return 0.5;
+            }
             return self.branches[0].get(&trial.point).copied().unwrap_or_default();
         }
         let (place, row) = ((strain / GRAIN).floor() as i64, trial.point as u64 / 4);
@@ -59,6 +70,7 @@ impl PointMaterial for Rough {
             let branch = self.branch(trial);
             answer.stress.0.iter_mut().for_each(|component| *component *= 1.0 + branch);
             self.branches[1].insert(trial.point, branch);
+            self.jumps_after = self.jumps_after.filter(|_| branch != 0.5);
         }
         Ok(answers)
     }
@@ -163,4 +175,32 @@ fn an_iterate_that_leads_nowhere_is_taken_back() {
     assert_eq!(material.inner.largest_strain(0), 0.0, "the strain of the iterate is gone");
     assert!(recorder.displacements.iter().flatten().all(|value| *value == 0.0));
     assert_eq!(run.statistics.stabilisation_work, 0.0);
+}
+
+/// Such steps go on to the tolerances while they contract; they ended at the weaker ones of stagnated steps. If the next increment goes too far
+/// then, the step ends at the state before it, with the stresses that the points have there.
+#[test]
+fn steps_go_on_to_the_tolerances_and_dropped_increments_leave_nothing_behind() {
+    let mut problem = problem(Some(3));
+    problem.stages[0].tolerances =
+        Tolerances { stagnated_force: 1e-2, stagnated_displacement: 5e-2, ..Tolerances::both(1e-9, 1e-9) };
+    let solved = |jumps_after| {
+        let mut material = Rough { jumps_after, ..Rough::new() };
+        let (run, recorder) = run(&problem, &mut material);
+        assert!(matches!(run.outcome, Outcome::Completed), "{jumps_after:?}: {:?}", run.outcome);
+        (material, run.statistics, recorder)
+    };
+    let (material, statistics, recorder) = solved(None);
+    assert!(statistics.steps_with_committed_iterates > 0 && statistics.stagnated_steps == 0);
+    assert!(recorder.steps.iter().all(|step| step.force_ratio <= 1e-9), "{:?}", recorder.steps);
+    let mut stagnated = 0;
+    for jump in 1..=material.commits {
+        let (_, statistics, recorder) = solved(Some(jump));
+        stagnated += statistics.stagnated_steps;
+        // A column has one vertical stress, within the weaker tolerances; the jump is half of it.
+        let stresses: Vec<f64> = recorder.points.iter().map(|point| point.stress.get(1, 1)).collect();
+        let [low, high] = [f64::min, f64::max].map(|choose| stresses.iter().copied().reduce(choose).unwrap());
+        assert!(high - low < 5e-2 * high, "after {jump} commits: {stresses:?}");
+    }
+    assert!(stagnated > 0, "some jumped after a state that was good enough");
 }

@@ -63,7 +63,8 @@ fn averages_reach_through_periodic_faces() {
     assert!(wide.iter().all(|value| (value * 8.0 / whole - 1.0).abs() < 0.05), "{wide:?}");
 }
 
-/// A turn that the material does not see needs no ramp, in either formulation that keeps it from it.
+/// A turn needs no ramp: two formulations keep it from the material, and a cell is turned as a whole after its stretch. A step that turned a
+/// body by five degrees once took 87 times the increments of the same stretch without the turn.
 #[test]
 fn ramps_are_as_fine_as_the_strain_wants_them_however_far_a_point_turns() {
     let steps = |formulation: Formulation, gradient: Matrix3<f64>| {
@@ -81,6 +82,12 @@ fn ramps_are_as_fine_as_the_strain_wants_them_however_far_a_point_turns() {
     let stretch = Matrix3::from_diagonal(&[1.0, 0.999, 1.0].into());
     assert_eq!(steps(Formulation::Corotational, turn * stretch - Matrix3::identity()), 100);
     assert_eq!(steps(Formulation::Corotational, stretch - Matrix3::identity()), 100);
+    for formulation in [Formulation::UpdatedLagrangian, Formulation::TotalLagrangian] {
+        assert_eq!(steps(formulation, turn * stretch - Matrix3::identity()), 100);
+        assert_eq!(steps(formulation, stretch - Matrix3::identity()), 100);
+        // Simple shear strains by half its amount, and turns by the other half.
+        assert_eq!(steps(formulation, Matrix3::new(0.0, 2e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 100);
+    }
     let spin = Matrix3::new(0.0, -0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0);
     assert_eq!(steps(Formulation::SmallStrain, spin + stretch - Matrix3::identity()), 100);
 }

@@ -1,0 +1,57 @@
+//! Norms of the out-of-balance force, and of the forces that it is measured by.
+
+use crate::model::assembly::balance::Balance;
+use crate::model::constraints::Constraints;
+use crate::problem::ForceMeasure;
+use crate::solve::linear_solver::norm;
+
+/// Relative displacement whose force is the least that reactions are taken for: it keeps round-off from looking like imbalance where they vanish.
+const NO_DISPLACEMENT: f64 = 1e-9;
+
+/// Share of the largest reactions or loads of the run below which the out-of-balance force is measured by that share: a body that
+/// is unloaded to zero has nothing left to compare with.
+const LEAST_FORCES: f64 = 1e-2;
+
+/// Norms of the out-of-balance force of an evaluated iterate and of the forces that it is measured by.
+pub(in crate::solve) struct ResidualNorms {
+    /// Points evaluated.
+    pub(in crate::solve) evaluations: u64,
+    /// Norm of the out-of-balance force at free degrees of freedom, N, in the plane per metre.
+    pub(in crate::solve) residual: f64,
+    /// Norm of the reactions or of the loads, whichever is larger, and at least [`LEAST_FORCES`] of what they were, N, in the plane per metre.
+    pub(in crate::solve) scale: f64,
+    /// Norm of the reactions, at least as much, N, in the plane per metre.
+    pub(in crate::solve) reactions: f64,
+}
+
+impl ResidualNorms {
+    /// Of the balance of a body of this extent, m, after so many evaluations; `largest_forces` are those of the run so far, N.
+    pub(super) fn of(
+        balance: &Balance,
+        constraints: &Constraints,
+        extent: f64,
+        largest_forces: f64,
+        evaluations: u64,
+    ) -> Self {
+        let residual = balance.residual();
+        let of_supports: Vec<f64> =
+            (0..residual.len()).filter(|&dof| constraints.unknown(dof).is_none()).map(|dof| residual[dof]).collect();
+        let reactions = norm(&of_supports).max(NO_DISPLACEMENT * balance.largest_diagonal() * extent);
+        let least = LEAST_FORCES * largest_forces;
+        Self {
+            evaluations,
+            residual: norm(&constraints.restrict(&residual)),
+            scale: reactions.max(norm(&balance.external)).max(least),
+            reactions: reactions.max(least),
+        }
+    }
+
+    /// Out-of-balance over the forces that a measure names.
+    pub(in crate::solve) fn ratio(&self, measure: ForceMeasure) -> f64 {
+        let scale = match measure {
+            ForceMeasure::Largest => self.scale,
+            ForceMeasure::Reactions => self.reactions,
+        };
+        if self.residual == 0.0 { 0.0 } else { self.residual / scale }
+    }
+}
