@@ -1,4 +1,4 @@
-//! Folders that one process at a time writes to.
+//! Output folders: one process at a time writes to them, and those of runs are for runs alone.
 
 use crate::exit::Failure;
 use macro_solver::output::OutputError;

@@ -41,8 +41,10 @@ impl StepAccuracy {
 pub struct AccuracyFigures {
     /// Accepted steps with an estimate.
     pub estimated_steps: u64,
-    /// The last of them.
+    /// The estimate of the last of them.
     pub last: ErrorEstimate,
+    /// Accepted steps since then: no followed cell bears load in them, or none is followed any more.
+    pub steps_since: u64,
     /// Largest root mean square of a step.
     pub largest_rms: f64,
     /// Sum of the squares of all steps' root mean squares.
@@ -68,8 +70,12 @@ impl AccuracyFigures {
             self.largest_balance.rms = self.largest_balance.rms.max(balance.rms);
             self.largest_balance.of_mean = self.largest_balance.of_mean.max(balance.of_mean);
         }
-        let Some(estimate) = step.estimate.filter(|estimate| estimate.points > 0) else { return };
+        let Some(estimate) = step.estimate.filter(|estimate| estimate.points > 0) else {
+            self.steps_since += u64::from(self.estimated_steps > 0);
+            return;
+        };
         self.estimated_steps += 1;
+        self.steps_since = 0;
         self.last = estimate;
         self.largest_rms = self.largest_rms.max(estimate.rms);
         self.squares += estimate.rms * estimate.rms;
@@ -95,5 +101,24 @@ mod tests {
         assert!((combined.rms - 5e-3).abs() < 1e-15 && (combined.of_mean - 1e-3).abs() < 1e-15);
         assert_eq!(StepAccuracy { balance: None, ..step }.combined(), Some(estimate));
         assert_eq!(StepAccuracy { estimate: None, ..step }.combined(), None, "half an estimate is none");
+    }
+
+    #[test]
+    fn steps_behind_the_last_estimate_are_counted() {
+        let known = StepAccuracy {
+            estimate: Some(ErrorEstimate { points: 1, rms: 2e-3, ..ErrorEstimate::default() }),
+            ..StepAccuracy::default()
+        };
+        let mut figures = AccuracyFigures::default();
+        let mut since = |step: &StepAccuracy| {
+            figures.add(step, None);
+            (figures.steps_since, figures.last.rms)
+        };
+        let nothing = StepAccuracy::default();
+        assert_eq!(since(&nothing).0, 0, "nothing is known yet");
+        assert_eq!(
+            [since(&known), since(&nothing), since(&nothing), since(&known)],
+            [0, 1, 2, 0].map(|steps| (steps, 2e-3))
+        );
     }
 }

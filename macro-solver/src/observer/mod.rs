@@ -135,13 +135,24 @@ pub struct StepReport {
     pub displacement_ratio: f64,
     /// Whether the stage ends with it.
     pub ends_stage: bool,
-    /// Whether iterations had stopped to make progress, and one of these ratios is above its tolerance, see
-    /// [`crate::problem::Tolerances::stagnated`].
-    pub stagnated: bool,
+    /// How these ratios met their tolerances.
+    pub convergence: Convergence,
     /// Shortcuts in the accepted answers, counted by point.
     pub flags: FlagCounts,
     /// Strain per ramp step, and the error of the stresses as far as it is estimated.
     pub accuracy: StepAccuracy,
+}
+
+/// How an accepted step met its criteria.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Convergence {
+    /// Within the tolerances.
+    #[default]
+    Full,
+    /// Iterations had stopped to make progress: within the weaker ones alone, see [`crate::problem::Tolerances::stagnated`].
+    Stagnated,
+    /// Forces are in balance, and the correction is noise, see [`crate::problem::Tolerances::accept_noise`].
+    Noise,
 }
 
 /// A failed attempt that is repeated with a smaller step.

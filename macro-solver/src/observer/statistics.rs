@@ -53,6 +53,8 @@ pub struct Statistics {
     pub stagnated_steps: u64,
     /// Largest out-of-balance force ratio of these steps.
     pub largest_stagnated_force_ratio: f64,
+    /// Steps accepted in balance although their corrections were above the tolerance, as noise, see [`crate::problem::Tolerances::accept_noise`].
+    pub steps_with_noisy_corrections: u64,
     /// Largest mean [level](crate::material::stress_level::stress_level) of the stresses in an accepted step of Newton's method, Pa.
     pub largest_pressure: f64,
     /// Largest out-of-balance force ratio of an accepted step, see [`StepReport::force_ratio`].

@@ -85,6 +85,9 @@ pub struct AccuracySummary {
     pub wanted: Option<f64>,
     /// Points that are solved once more.
     pub points: u64,
+    /// Steps at the end without an estimate, since none of these points bears load any more: the errors are those of the step before.
+    #[serde(default)]
+    pub steps_without_estimate: u64,
     /// Smallest strain per ramp step of any step.
     pub smallest_strain_per_step: f64,
     /// Largest strain per ramp step of any step.

@@ -156,9 +156,10 @@ pub struct Tolerances {
     #[serde(rename = "stagnated_force_tolerance")]
     #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit relaxation"), range(min = 0.0))]
     pub stagnated_force: f64,
-    /// Correction up to which such a step is accepted, measured as for `displacement_tolerance`. A step whose forces are in balance is also
-    /// accepted, and counted, if its corrections have become noise: they no longer fall, and turn from increment to increment, as in steps so
-    /// small that the tolerance of the cells moves the body by as much. With 0 the correction is held to `displacement_tolerance`.
+    /// Correction up to which such a step is accepted, measured as for `displacement_tolerance`. With 0 the correction is held to
+    /// `displacement_tolerance`. Otherwise a step whose forces are in balance is also accepted if its corrections have become noise: they no
+    /// longer fall, and change their direction, as in steps so small that the tolerance of the cells moves the body by as much. Counted as
+    /// `fallbacks.steps_with_noisy_corrections`.
     #[serde(rename = "stagnated_displacement_tolerance")]
     #[schemars(extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0))]
     pub stagnated_displacement: f64,
@@ -209,9 +210,7 @@ impl Tolerances {
     /// Whether a step that stagnates may be accepted above the tolerances of any step.
     pub fn accept_stagnated(&self) -> bool {
         let (force, motion) = (self.criteria.force.is_some(), self.criteria.displacement.is_some());
-        let is_weaker = (force && self.stagnated_force > self.force)
-            || (motion && self.stagnated_displacement > self.displacement);
-        is_weaker || self.accept_noise()
+        (force && self.stagnated_force > self.force) || (motion && self.stagnated_displacement > self.displacement)
     }
 
     /// Whether a step whose forces are in balance may be accepted where its corrections are noise.

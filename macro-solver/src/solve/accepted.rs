@@ -1,6 +1,6 @@
 //! How attempts at a step end, and what is known of an accepted one; the same for all procedures.
 
-use crate::observer::{DynamicsView, Statistics};
+use crate::observer::{Convergence, DynamicsView, Statistics};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
@@ -19,8 +19,8 @@ pub(super) struct Converged {
     pub(super) displacement_ratio: f64,
     /// Correction that the state would still get, m, by degree of freedom; `None` for procedures that know none.
     pub(super) correction: Option<Vec<f64>>,
-    /// Iterations made no more progress, and the step is held to [`crate::problem::Tolerances::stagnated`] alone.
-    pub(super) stagnated: bool,
+    /// How it met its criteria.
+    pub(super) convergence: Convergence,
 }
 
 /// An iterate that is not in balance, and from which a step goes on.
@@ -111,8 +111,8 @@ pub(super) struct AcceptedState<'a> {
     pub(super) force_ratio: f64,
     /// See [`crate::observer::StepReport::displacement_ratio`].
     pub(super) displacement_ratio: f64,
-    /// See [`crate::observer::StepReport::stagnated`].
-    pub(super) stagnated: bool,
+    /// See [`crate::observer::StepReport::convergence`].
+    pub(super) convergence: Convergence,
     /// Displacement gradients of the points in the step.
     pub(super) gradients: &'a [Matrix3<f64>],
     /// Forces of supports and multi-point constraints.

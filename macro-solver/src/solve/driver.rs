@@ -23,7 +23,7 @@ use crate::model::failure::{Failure, failure};
 use crate::model::friction::Frictions;
 use crate::model::loads::Loads;
 use crate::model::points::Points;
-use crate::observer::{AttemptCost, CutBack, Observer, Outcome, Run, Statistics, StepAccuracy};
+use crate::observer::{AttemptCost, Convergence, CutBack, Observer, Outcome, Run, Statistics, StepAccuracy};
 use crate::problem::{PathControl, Problem, ProblemError};
 use nalgebra::Matrix3;
 use protocol::TangentKind;
@@ -261,7 +261,7 @@ impl<'a> Solver<'a> {
                 force_ratio: ratio,
                 displacement_ratio: 0.0,
                 correction: None,
-                stagnated: false,
+                convergence: Convergence::Full,
             }
         } else {
             let Attempted::Converged(converged) = method.attempt(self, 0.0, false, session).map_err(ended)? else {
@@ -405,10 +405,14 @@ impl<'a> Solver<'a> {
         }
         (self.load, self.stage_fraction) = (load, stage_fraction);
         let statistics = &mut self.statistics;
-        if converged.stagnated {
-            statistics.stagnated_steps += 1;
-            statistics.largest_stagnated_force_ratio =
-                statistics.largest_stagnated_force_ratio.max(converged.force_ratio);
+        match converged.convergence {
+            Convergence::Full => {}
+            Convergence::Stagnated => {
+                statistics.stagnated_steps += 1;
+                statistics.largest_stagnated_force_ratio =
+                    statistics.largest_stagnated_force_ratio.max(converged.force_ratio);
+            }
+            Convergence::Noise => statistics.steps_with_noisy_corrections += 1,
         }
         statistics.largest_force_ratio = statistics.largest_force_ratio.max(converged.force_ratio);
         statistics.largest_displacement_ratio =
@@ -430,7 +434,7 @@ impl<'a> Solver<'a> {
             iterations: converged.iterations,
             force_ratio: converged.force_ratio,
             displacement_ratio: converged.displacement_ratio,
-            stagnated: converged.stagnated,
+            convergence: converged.convergence,
             gradients,
             reactions: &reactions,
             loads: &self.committed_balance.external,

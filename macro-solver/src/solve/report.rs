@@ -51,7 +51,7 @@ impl Solver<'_> {
             force_ratio: state.force_ratio,
             displacement_ratio: state.displacement_ratio,
             ends_stage: self.ends_stage(state.stage_fraction),
-            stagnated: state.stagnated,
+            convergence: state.convergence,
             flags: self.points.flags(),
             accuracy: self.accuracy,
         };

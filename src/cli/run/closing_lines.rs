@@ -34,8 +34,12 @@ fn accuracy(accuracy: &AccuracySummary) -> String {
         1 => "1 point (error_estimate.share = 1 takes all)".to_owned(),
         points => format!("{points} points"),
     };
+    let until = match accuracy.steps_without_estimate {
+        0 => String::new(),
+        steps => format!(" {steps} step(s) before the end, where the last followed cell lost its load"),
+    };
     format!(
-        "estimated error {} of the pressure at a point, {} of the mean stress{wanted}; {strain}; {points} solved once more, {} \
+        "estimated error {} of the pressure at a point, {} of the mean stress{until}{wanted}; {strain}; {points} solved once more, {} \
          of the work",
         percent(accuracy.estimated_error),
         percent(accuracy.estimated_error_of_mean),

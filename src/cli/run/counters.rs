@@ -37,7 +37,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 46] = [
+pub(crate) const COUNTERS: [Counter; 47] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -45,6 +45,7 @@ pub(crate) const COUNTERS: [Counter; 46] = [
     counter("packing_forces_changed", LookAtThis, "contact force* of packings dropped or cut"),
     counter("asymmetric_stresses", LookAtThis, "asymmetric stress tensor*"),
     counter("stagnated_steps", LookAtThis, "stagnated step*"),
+    counter("steps_with_noisy_corrections", LookAtThis, "step* with noisy corrections"),
     counter("steps_stabilised", LookAtThis, "stabilised step*"),
     counter("stabilisation_increments", LookAtThis, "stabilisation increment*"),
     counter("continued_by_another_build", LookAtThis, "continuation* by another build"),

@@ -1,7 +1,7 @@
 //! `run.jsonl`: one JSON object per event, written by `tracing`.
 
 use macro_solver::observer::{
-    CutBack, FieldsView, IterationReport, Observer, Run, Stabilised, StepReport, StopRequest,
+    Convergence, CutBack, FieldsView, IterationReport, Observer, Run, Stabilised, StepReport, StopRequest,
 };
 use macro_solver::output::OutputError;
 use macro_solver::problem::{Problem, Stage};
@@ -106,7 +106,8 @@ impl Observer for EventLog {
             creep = report.stabilisation_increments,
             force_ratio = report.force_ratio,
             displacement_ratio = report.displacement_ratio,
-            stagnated = report.stagnated,
+            stagnated = report.convergence == Convergence::Stagnated,
+            noisy_correction = report.convergence == Convergence::Noise,
             not_equilibrated = report.flags.not_equilibrated,
             largest_unbalanced = largest_unbalanced(fields),
             tangent_fallback = report.flags.tangent_fallback,

@@ -69,8 +69,8 @@ pub(super) struct Channels {
 /// Opens the channels.
 ///
 /// # Errors
-/// Too few open files, a name that is none or that a living run has, an error that no point can estimate, an endpoint that is taken, shared memory that is
-/// full.
+/// Too few open files, a name that is none or that a living run has, an error that no point can estimate, an endpoint that is taken, shared
+/// memory that is full.
 pub(super) fn open(scene: &Scene, assignment: &EngineAssignment, arguments: &Arguments) -> Result<Channels, Failure> {
     let begun = Instant::now();
     let name = arguments.attach.clone().unwrap_or_else(|| run_name(&scene.name));

@@ -23,7 +23,7 @@ pub(crate) fn report(step: usize, stage: usize, load: f64) -> StepReport {
         force_ratio: 0.0,
         displacement_ratio: 0.0,
         ends_stage: load >= 1.0,
-        stagnated: false,
+        convergence: crate::observer::Convergence::Full,
         flags: crate::observer::FlagCounts::default(),
         accuracy: crate::observer::StepAccuracy::default(),
     }

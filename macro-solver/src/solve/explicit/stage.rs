@@ -2,7 +2,7 @@
 
 use crate::checkpoint::CheckpointError;
 use crate::model::body::by_node;
-use crate::observer::{DynamicsView, Outcome};
+use crate::observer::{Convergence, DynamicsView, Outcome};
 use crate::problem::Procedure;
 use crate::problem::dynamics::DynamicSettings;
 use crate::solve::accepted::{AcceptedState, Counters};
@@ -96,7 +96,7 @@ impl Solver<'_> {
             iterations: usize::try_from(integrator.done() - reported).unwrap_or(usize::MAX),
             force_ratio: 0.0,
             displacement_ratio: 0.0,
-            stagnated: false,
+            convergence: Convergence::Full,
             gradients: integrator.gradients_since_report(),
             reactions: integrator.reactions(),
             loads: integrator.loads(),

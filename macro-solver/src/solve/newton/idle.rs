@@ -4,7 +4,7 @@
 
 use crate::model::failure::Failure;
 use crate::model::friction::Frictions;
-use crate::observer::IterationReport;
+use crate::observer::{Convergence, IterationReport};
 use crate::solve::accepted::Converged;
 use crate::solve::driver::{Session, Solver};
 use crate::solve::linear_solver::norm;
@@ -42,7 +42,7 @@ impl Solver<'_> {
             force_ratio,
             displacement_ratio: 0.0,
             correction: None,
-            stagnated: false,
+            convergence: Convergence::Full,
         }))
     }
 

@@ -17,7 +17,7 @@ use super::driver::{Session, Solver, timed};
 use super::linear_solver::norm;
 use super::procedure::LoadStepMethod;
 use crate::model::failure::Failure;
-use crate::observer::IterationReport;
+use crate::observer::{Convergence, IterationReport};
 use crate::problem::{ConvergenceMeasures, DisplacementMeasure};
 use globalisation::Globalisation;
 use nalgebra::Matrix3;
@@ -115,7 +115,7 @@ impl Attempt {
     }
 
     /// The step at the evaluated iterate, whose next correction is `correction`.
-    fn converged(&self, measures: &ConvergenceMeasures, correction: Vec<f64>, stagnated: bool) -> Converged {
+    fn converged(&self, measures: &ConvergenceMeasures, correction: Vec<f64>, convergence: Convergence) -> Converged {
         Converged {
             increment: self.iterate.clone(),
             load: self.load,
@@ -123,7 +123,7 @@ impl Attempt {
             force_ratio: measures.force,
             displacement_ratio: measures.displacement,
             correction: Some(correction),
-            stagnated,
+            convergence,
         }
     }
 }
@@ -178,7 +178,8 @@ impl Solver<'_> {
             let crawls = attempt.globalisation.crawls(excess);
             let may_end_here = attempt.may_end_at(&joined, excess, tolerances.stagnated().excess(&measures));
             if is_converged || (may_end_here && crawls) {
-                return Ok(Attempted::Converged(attempt.converged(&measures, correction, !is_converged)));
+                let convergence = if is_converged { Convergence::Full } else { Convergence::Stagnated };
+                return Ok(Attempted::Converged(attempt.converged(&measures, correction, convergence)));
             }
             if self.is_better_committed(attempt, &measures, crawls) {
                 return Ok(Attempted::Unfinished(Unfinished {
@@ -246,7 +247,7 @@ impl Solver<'_> {
         let measures = self.convergence_measures(report.force_ratio, &attempt.iterate, &correction, full_step);
         report.displacement_ratio = Some(measures.displacement);
         session.observer.iterated(&report);
-        Ok(attempt.converged(&measures, correction, true))
+        Ok(attempt.converged(&measures, correction, Convergence::Stagnated))
     }
 
     /// First iterate of an attempt, and the points prepared for it.

@@ -17,7 +17,7 @@ use crate::model::assembly::forces::{ElementLaws, Motion};
 use crate::model::assembly::viscosity::Viscosity;
 use crate::model::failure::Failure;
 use crate::model::stable_step::limits;
-use crate::observer::IterationReport;
+use crate::observer::{Convergence, IterationReport};
 use crate::problem::ForceMeasure;
 use crate::problem::relaxation::{RelaxationForm, RelaxationSettings};
 use headway::{ALLOWED, Headway};
@@ -102,7 +102,7 @@ impl Solver<'_> {
                     force_ratio,
                     displacement_ratio,
                     correction: None,
-                    stagnated: false,
+                    convergence: Convergence::Full,
                 });
             }
             headway.note(iteration, force_ratio, &iterate);
@@ -158,7 +158,7 @@ impl Solver<'_> {
             force_ratio,
             displacement_ratio,
             correction: None,
-            stagnated: true,
+            convergence: Convergence::Stagnated,
         })
     }
 
@@ -177,7 +177,7 @@ impl Solver<'_> {
             force_ratio,
             displacement_ratio: 0.0,
             correction: None,
-            stagnated: false,
+            convergence: Convergence::Full,
         })
     }
 

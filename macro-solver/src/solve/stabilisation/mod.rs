@@ -26,8 +26,8 @@ use crate::model::assembly::balance::Balance;
 use crate::model::body::Body;
 use crate::model::failure::{Failure, failure};
 use crate::model::points::Points;
-use crate::observer::{AttemptCost, Outcome, Stabilised as Event};
-use crate::problem::Stabilisation;
+use crate::observer::{AttemptCost, Convergence, Outcome, Stabilised as Event};
+use crate::problem::{Stabilisation, Tolerances};
 use noise::CorrectionNoise;
 use path::{MOST_WITHOUT_GAIN, StabilisedPath};
 
@@ -272,8 +272,14 @@ impl Solver<'_> {
             let full_step = self.full_step(target);
             let measures = self.convergence_measures(force_ratio, &path.increment, &correction, full_step);
             // Smaller steps have more of it.
-            let is_noise = tolerances.accept_noise() && noise.is_all(&correction, measures.displacement);
-            if is_noise || tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0) {
+            let is_noise = tolerances.accept_noise() && noise.is_noise(&correction, measures.displacement);
+            let meets = |tolerances: &Tolerances| tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0);
+            let convergence = match (meets(&strict), meets(&tolerances)) {
+                (true, _) => Some(Convergence::Full),
+                (false, true) => Some(Convergence::Stagnated),
+                (false, false) => is_noise.then_some(Convergence::Noise),
+            };
+            if let Some(convergence) = convergence {
                 let end = Converged {
                     increment: path.increment.clone(),
                     load: target,
@@ -281,9 +287,9 @@ impl Solver<'_> {
                     force_ratio: measures.force,
                     displacement_ratio: measures.displacement,
                     correction: Some(correction),
-                    stagnated: strict.excess(&measures).iter().any(|excess| *excess > 1.0),
+                    convergence,
                 };
-                if is_noise || !end.stagnated || !progresses {
+                if is_noise || convergence == Convergence::Full || !progresses {
                     return Ok(end);
                 }
                 acceptable = Some(Acceptable { end, points: self.points.clone(), tangents: self.tangents.clone() });

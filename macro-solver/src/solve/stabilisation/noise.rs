@@ -15,7 +15,7 @@ const FEWEST: usize = 3;
 /// Largest cosine of the angle between successive corrections of which the second has turned.
 const TURNED: f64 = 0.5;
 
-/// Largest correction over the displacements of a full step that can be noise.
+/// Largest correction that can be noise, as the displacement criterion measures it.
 const LARGEST: f64 = 1.0;
 
 /// Corrections of a body whose forces are in balance, one after the other.
@@ -33,8 +33,8 @@ impl CorrectionNoise {
         Self { least: f64::INFINITY, without_gain: 0, has_turned: false, last: Vec::new() }
     }
 
-    /// Takes the next correction and its size over the displacements of a full step; whether they are noise by now.
-    pub(super) fn is_all(&mut self, correction: &[f64], size: f64) -> bool {
+    /// Takes the next correction and its size, as the displacement criterion measures it; whether they are noise by now.
+    pub(super) fn is_noise(&mut self, correction: &[f64], size: f64) -> bool {
         if size < GAIN * self.least {
             (self.least, self.without_gain, self.has_turned) = (size, 0, false);
         } else {
@@ -53,7 +53,7 @@ mod tests {
     /// Whether each of these corrections, every one with its size, ends it.
     fn noise(corrections: &[([f64; 2], f64)]) -> Vec<bool> {
         let mut noise = CorrectionNoise::new();
-        corrections.iter().map(|(correction, size)| noise.is_all(correction, *size)).collect()
+        corrections.iter().map(|(correction, size)| noise.is_noise(correction, *size)).collect()
     }
 
     #[test]

@@ -1,10 +1,10 @@
-//! S-8: tangents full of noise, at a point that softens.
+//! Noise: S-8, tangents full of it at a point that softens; stresses with a little of it in small steps.
 
 use super::stabilisation::{pulled, weak_at_the_bottom};
 use super::*;
 use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
-use crate::problem::NamedStrategy;
+use crate::problem::{NamedStrategy, Stabilisation};
 use claims::Claim;
 
 /// Spoils every tangent it hands on, as probes of a cell spoil theirs next to events among its grains.
@@ -57,4 +57,37 @@ fn noisy_tangents_cost_iterations_and_not_the_answer() {
             Claim::of("S-8", "steps that are made smaller or stabilised").number(smaller).at_least(1.0);
         }
     }
+}
+
+/// Spoils every stress, as the tolerance of a cell does.
+struct NoisyStress(Noise);
+
+impl EachAnswer for NoisyStress {
+    fn change(&mut self, _: &PointTrial, answer: &mut TrialResult) {
+        let factor = 1.0 + self.0.share * self.0.number();
+        answer.stress.0.iter_mut().for_each(|component| *component *= factor);
+    }
+}
+
+/// In small steps the corrections that such noise asks for are above the displacement tolerance, whatever is done. Steps in balance were refused
+/// for them and halved, which made the corrections larger still.
+#[test]
+fn small_steps_end_where_their_corrections_are_noise() {
+    let solved = |stagnated_displacement| {
+        let mut problem = pulled(1e-3);
+        let stage = &mut problem.stages[0];
+        stage.control.increments = 100;
+        stage.tolerances = Tolerances { stagnated_displacement, ..Tolerances::within(5e-3) };
+        stage.control.stabilisation = Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
+        let mut material =
+            Altered { material: weak_at_the_bottom(), alteration: NoisyStress(Noise { share: 1e-3, state: 5 }) };
+        run(&problem, &mut material).0
+    };
+    let (now, before) = (solved(5e-2), solved(0.0));
+    let statistics = &now.statistics;
+    assert!(matches!(now.outcome, Outcome::Completed), "{:?}", now.outcome);
+    assert_eq!((statistics.steps, statistics.cut_backs, statistics.stagnated_steps), (100, 0, 0));
+    assert!(statistics.steps_with_noisy_corrections > 0 && statistics.largest_force_ratio <= 1e-2, "{statistics:?}");
+    assert_eq!(before.statistics.steps_with_noisy_corrections, 0, "off");
+    assert!(before.statistics.evaluations > 3 * statistics.evaluations, "{}", before.statistics.evaluations);
 }
