@@ -14,8 +14,15 @@ use std::path::Path;
 pub(crate) fn lock_folder(path: &Path, option: &str, writer: &str, hint: &str) -> Result<File, Failure> {
     let folder = File::open(path).map_err(|source| OutputError::write(path, source))?;
     match folder.try_lock() {
-        // A file system without locks has no better to offer.
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(folder),
+        Ok(()) => Ok(folder),
+        Err(TryLockError::Error(reason)) => {
+            tracing::warn!(
+                folder = %path.display(),
+                %reason,
+                "the folder cannot be locked on this file system: see to it that nothing else writes to it meanwhile"
+            );
+            Ok(folder)
+        }
         Err(TryLockError::WouldBlock) => {
             let problem = format!("another {writer} writes to this folder now");
             Err(InputError::at(format!("{option} {}", path.display()), problem).hint(hint).into())

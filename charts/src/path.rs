@@ -78,7 +78,7 @@ fn draw(
             pieces.iter().flat_map(|piece| one_way(piece)).map(|piece| Polygon::new(band(piece), colour.mix(0.25)));
         chart
             .draw_series(bands)?
-            .label("estimated error; past a snap: spread of runs")
+            .label("estimated error; past a snap runs scatter by more")
             .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 16, y + 5)], colour.mix(0.25).filled()));
     }
     for piece in pieces {

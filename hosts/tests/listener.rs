@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use hosts::agent::{Agent, AgentEnd, AgentOptions};
 use hosts::{JoinError, Limits, ListenerOptions, NetworkMacroPort, NetworkWorkerPort, Secret, Target, this_program};
-use macro_solver::pool::{Interrupt, JoiningWorkers, Outlook, WorkerSupply};
+use macro_solver::pool::{Interrupt, JoiningWorkers, SupplyStatus, WorkerSupply};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::in_process::{InProcessConnector, channel};
 use protocol::transport::{
@@ -168,7 +168,7 @@ impl WorkerSupply for Noticed {
         let _ = self.0.send(());
     }
 
-    fn tend(&mut self) -> Outlook {
+    fn tend(&mut self) -> SupplyStatus {
         JoiningWorkers.tend()
     }
 

@@ -4,6 +4,7 @@
 //! `resume`. Whatever is asked for, the results of the run keep their bytes.
 
 use crate::error::PageError;
+use macro_solver::output::write_without_flush;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -116,15 +117,16 @@ impl Controls {
         self.put_text(name, "")
     }
 
-    /// Puts a file there. On a full disk it may be empty.
+    /// Puts a file there, whole: the other process never reads a part of it.
     ///
     /// # Errors
     /// The folder cannot be written to.
     pub fn put_text(&self, name: &str, text: &str) -> Result<(), PageError> {
         let path = self.folder.join(name);
-        fs::create_dir_all(&self.folder)
-            .and_then(|()| fs::write(&path, text))
-            .map_err(|error| PageError(format!("could not write {}: {error}", path.display())))
+        let failed =
+            |error: &dyn std::fmt::Display| PageError(format!("could not write {}: {error}", path.display()));
+        fs::create_dir_all(&self.folder).map_err(|error| failed(&error))?;
+        write_without_flush(&path, text.as_bytes()).map_err(|error| failed(&error))
     }
 
     /// Removes a file; a request is done.

@@ -112,6 +112,8 @@ mod tests {
         assert_eq!(of(&["rve.accuracy=draft"]), [[1e-2, 5e-2]]);
         assert_eq!(of(&["rve.accuracy=draft", "rve.tolerance=1e-4"]), [[1e-3, 1e-2]]);
         assert_eq!(of(&["rve.accuracy=draft", "solver.displacement_tolerance=3e-3"]), [[1e-2, 3e-3]]);
+        let relaxed = ["rve.accuracy=draft", "procedure=\"relaxation\""];
+        assert_eq!(of(&relaxed)[0][0], 1e-2, "cells of drafts are no closer to equilibrium");
         let mut given_up = brick(&[]);
         given_up.give_up_default_error();
         assert_eq!(tolerances(&given_up), [[1e-3, 1e-2]]);

@@ -88,12 +88,6 @@ fn from_file(
             format!("the file has no element that could be a `{}`: it has {}", kind.keyword(), found.join(", "));
         return Err(refuse(problem, "remove `element`, or save a mesh of that order and shape"));
     }
-    mesh.validate().map_err(|error| {
-        refuse(
-            format!("{}: {error}", path.display()),
-            "elements and nodes are counted from 0 in the order of the file; correct the mesh in Gmsh",
-        )
-    })?;
     let copy = InputCopy { key: "mesh.file".into(), name: "mesh.msh".into(), text: text.into_owned() };
     Ok((mesh, copy))
 }

@@ -24,6 +24,8 @@ pub struct CellPreparation {
     pub vertical_pressure: [f64; 2],
     /// How many of them took smaller steps; 0 before they are prepared.
     pub in_smaller_steps: usize,
+    /// Wall time that it took, s; 0 before.
+    pub seconds: f64,
 }
 
 /// One cell to prepare.
@@ -48,6 +50,7 @@ impl Scene {
                 vertical().fold(f64::NEG_INFINITY, f64::max),
             ],
             in_smaller_steps: 0,
+            seconds: 0.0,
         })
     }
 

@@ -1,7 +1,7 @@
 //! Remarks on keys that are allowed but probably not what was meant.
 
 use macro_solver::mesh::{ElementKind, Seam, SeamKind};
-use macro_solver::problem::{Amplitude, Applied, Problem, Procedure, Stage, Tolerances};
+use macro_solver::problem::{Amplitude, Applied, Origin, Problem, Procedure, Stage, Tolerances};
 use std::collections::BTreeMap;
 
 /// Tolerances above this are reported.
@@ -27,6 +27,7 @@ pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
         remarks.extend(turns_between_steps(problem, stage));
         remarks.extend(absorbing_sides_that_are_held(problem, stage));
         remarks.extend(supports_that_move_far(problem, stage));
+        remarks.extend(supports_that_begin_with_a_jump(problem, stage));
     }
     let mut told = Vec::new();
     for remark in remarks {
@@ -93,7 +94,7 @@ fn volumetric_locking(problem: &Problem) -> Option<String> {
 fn columns_of_bricks(problem: &Problem) -> Option<String> {
     const NODES_OF_SIDE: usize = 8;
     let mesh = &problem.mesh;
-    if mesh.elements.len() < 2 || mesh.kinds.iter().any(|kind| *kind != ElementKind::H20) {
+    if mesh.elements.is_empty() || mesh.kinds.iter().any(|kind| *kind != ElementKind::H20) {
         return None;
     }
     let mut elements_of_node: Vec<Vec<usize>> = vec![Vec::new(); mesh.nodes.len()];
@@ -148,6 +149,24 @@ fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
         let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
         format!(
             "{of_stage}supports move by {apart:e} m against each other, and the body is {size:e} m large: are the displacements in m?"
+        )
+    })
+}
+
+/// Supports of a motion whose displacement does not begin at 0: they go all the way within the first time step.
+fn supports_that_begin_with_a_jump(problem: &Problem, stage: &Stage) -> Option<String> {
+    if !matches!(stage.procedure, Procedure::Dynamic(_)) {
+        return None;
+    }
+    let prescribed = problem.prescribed_displacements(stage).ok()?;
+    let from_the_stage = prescribed.iter().flatten().filter(|given| given.origin == Origin::Stage);
+    let jumps = from_the_stage.map(|given| (given.value * given.history.factor(stage.moment(0.0))).abs());
+    let largest = jumps.fold(0.0, f64::max);
+    (largest > 0.0).then(|| {
+        let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
+        format!(
+            "{of_stage}a support moves by {largest:e} m within the first time step, since the history of its displacement does not begin at 0; \
+             begin it there, or prescribe the velocity"
         )
     })
 }
@@ -268,6 +287,22 @@ mod tests {
     }
 
     #[test]
+    fn supports_that_begin_with_a_jump_are_told() {
+        let moved = |history: &str, procedure: &str| {
+            let boundary = format!("{{ set = 'right', displacement = {{ x = -1e-5 }}, history = {history} }}");
+            let stages = format!(
+                "stage=[{{ name = 'still' }}, {{ name = 'swing', procedure = '{procedure}', boundary = [{boundary}], loading = {{ duration = \
+                 1e-3 }} }}]"
+            );
+            remarks(&[&stages])
+        };
+        let jump = moved("{ sine = { frequency = 500.0, phase = 1.5707963267948966 } }", "dynamic");
+        assert!(jump.len() == 1 && jump[0].contains("1e-5 m within the first time step"), "{jump:?}");
+        assert_eq!(moved("{ sine = { frequency = 500.0 } }", "dynamic"), Vec::<String>::new());
+        assert_eq!(moved("\"constant\"", "implicit"), Vec::<String>::new());
+    }
+
+    #[test]
     fn columns_of_bricks_with_reduced_integration_are_told() {
         let told = |mesh: &str| {
             let path =
@@ -278,6 +313,7 @@ mod tests {
         };
         assert!(
             told("mesh.elements=[1, 4, 1]")
+                && told("mesh.elements=[1, 1, 1]")
                 && !told("mesh.elements=[2, 2, 1]")
                 && !told("mesh.elements=[2, 2, 2]")
                 && !told("mesh.element=h20_full")

@@ -5,7 +5,7 @@ use super::start_state::{self, PackingState};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
 use crate::stdout::print;
-use macro_solver::mesh::ElementKind;
+use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::problem::{Problem, Procedure, Stage};
 use protocol::TangentKind;
 use scene_reader::Scene;
@@ -66,10 +66,11 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
         (
             "mesh",
             format!(
-                "{} elements ({}), {} nodes",
+                "{} elements ({}), {} nodes, {} m large",
                 problem.mesh.elements.len(),
                 problem.mesh.kinds_present().into_iter().map(ElementKind::keyword).collect::<Vec<_>>().join(", "),
-                problem.mesh.nodes.len()
+                problem.mesh.nodes.len(),
+                size_of(&problem.mesh)
             ),
         ),
         (
@@ -153,6 +154,16 @@ fn remarks_on_the_packings(scene: &Scene, packing: &PackingState) -> Vec<String>
         }
     }
     notes
+}
+
+/// Extent of the body along the axes, m.
+fn size_of(mesh: &Mesh) -> String {
+    let extent = |axis: usize| {
+        let along = mesh.nodes.iter().map(|node| node[axis]);
+        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+    };
+    let sides: Vec<String> = (0..mesh.dimension.count()).map(|axis| format!("{:.3e}", extent(axis))).collect();
+    sides.join(" x ")
 }
 
 fn prescribed_count(problem: &Problem, stage: &Stage) -> usize {

@@ -26,7 +26,7 @@ pub(crate) struct Arguments {
     /// Override a key of the recipe
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     overrides: Vec<String>,
-    /// Print nothing on standard error
+    /// Print nothing on standard error but warnings and errors
     #[arg(long)]
     quiet: bool,
 }

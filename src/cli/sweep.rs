@@ -40,6 +40,11 @@ impl FromStr for Sweep {
             .ok_or("give KEY=FIRST:LAST:COUNT or KEY=VALUE,VALUE,..., such as contact.friction=0.1:0.7:7")?;
         let values = match values.split(':').collect::<Vec<_>>()[..] {
             [first, last, count] => spaced(first, last, count)?,
+            [first, last] if [first, last].iter().all(|text| text.trim().parse::<f64>().is_ok()) => {
+                return Err(format!(
+                    "'{values}' lacks a number of values: give FIRST:LAST:COUNT, such as {values}:7"
+                ));
+            }
             // A text may be written as in the file; the table has what it says.
             _ => values.split(',').map(|value| value.trim().trim_matches(['"', '\'']).to_owned()).collect(),
         };
@@ -86,6 +91,8 @@ struct Ended {
     csv: Vec<u8>,
     fallbacks: Vec<(&'static str, u64)>,
     stopped: Option<String>,
+    /// A remark on its first segment.
+    note: Option<String>,
 }
 
 /// Runs every combination of the values and writes one table: a column for each key, then those of the test.
@@ -114,6 +121,14 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
         let all: Vec<String> =
             found.fallbacks.iter().map(|(what, rows)| format!("{what}: {}", rows_in_words(*rows))).collect();
         tell(format_args!("fallbacks: {}", all.join(", ")));
+    }
+    if let (Some(first), false) = (found.notes.first(), common.quiet) {
+        let others = if found.notes.len() > 1 {
+            format!(" (so too in {} more tests)", found.notes.len() - 1)
+        } else {
+            String::new()
+        };
+        tell(format_args!("note: {first}{others}"));
     }
     // Tests none of which could begin have no table, and leave an earlier one alone.
     if found.started > 0 {
@@ -163,6 +178,8 @@ struct Findings {
     stopped: Vec<String>,
     /// Tests that have left their rows.
     started: usize,
+    /// Remarks on first segments, each with its test.
+    notes: Vec<String>,
     /// How the program ends if some stopped.
     exit: Exit,
 }
@@ -186,6 +203,7 @@ impl Findings {
             fallbacks: BTreeMap::new(),
             stopped: Vec::new(),
             started: 0,
+            notes: Vec::new(),
             exit: Exit::NotConverged,
         };
         let mut has_header = false;
@@ -202,6 +220,7 @@ impl Findings {
             };
             found.started += 1;
             ended.fallbacks.iter().for_each(|(what, rows)| *found.fallbacks.entry(*what).or_default() += rows);
+            found.notes.extend(ended.note.map(|note| format!("{}: {note}", described(sweeps, values))));
             if let Some(reason) = ended.stopped {
                 found.stopped.push(format!("{}: {reason}", described(sweeps, values)));
             }
@@ -314,7 +333,7 @@ fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str], interrupt: &Inter
         Err(error) if error.is_bad_input() => return Err(document.table_error(error).into()),
         Err(error) => Some(error.to_string()),
     };
-    Ok(Ended { csv: table.csv, fallbacks: summary.fallbacks(), stopped })
+    Ok(Ended { csv: table.csv, fallbacks: summary.fallbacks(), stopped, note: table.note })
 }
 
 #[cfg(test)]
@@ -328,7 +347,7 @@ mod tests {
         assert_eq!(values("a=1e8:5e8:2").unwrap(), ["100000000", "500000000"]);
         assert_eq!(values("rve.accuracy=draft, tight").unwrap(), ["draft", "tight"]);
         assert_eq!(values("a=3").unwrap(), ["3"]);
-        for bad in ["a", "=1", "a=", "a=1:2:0", "a=1:x:3", "a=1:2:-1", "a=1,,2", "a=1:2:1000000"] {
+        for bad in ["a", "=1", "a=", "a=1:2:0", "a=1:x:3", "a=1:2:-1", "a=1:2", "a=1,,2", "a=1:2:1000000"] {
             assert!(values(bad).is_err(), "{bad}");
         }
     }

@@ -7,6 +7,17 @@ import numpy
 from .layout import FLAGS, OBSERVABLES, REPLY
 
 
+#: Groups in which jobs ask for optional results, where they are not named as the results are.
+_GROUPS = {
+    "fabric_anisotropy": "fabric",
+    "coordination_number_no_rattlers": "coordination_no_rattlers",
+    "elastic_energy": "energy",
+    "frictional_dissipation": "energy",
+    "damping_work": "energy",
+    "mean_rotation": "rotation",
+}
+
+
 @dataclass(frozen=True)
 class TrialOptions:
     """What a trial should deliver beside the stress."""
@@ -19,8 +30,13 @@ class TrialOptions:
     observables: int = 0
 
     def wants(self, observable):
-        """Whether an optional result is wanted, for instance ``"fabric"``."""
-        return bool(self.observables & OBSERVABLES[observable])
+        """Whether an optional result is wanted, by its name among those of ``observed``, or by that of its group in scenes: ``"fabric"``,
+        ``"elastic_energy"`` or ``"energy"``."""
+        group = _GROUPS.get(observable, observable)
+        if group not in OBSERVABLES:
+            known = ", ".join(sorted({*OBSERVABLES, *_GROUPS}))
+            raise ValueError(f"there is no optional result {observable!r}; there are {known}")
+        return bool(self.observables & OBSERVABLES[group])
 
 
 @dataclass

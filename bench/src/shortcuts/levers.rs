@@ -32,12 +32,22 @@ pub(super) struct Lever {
     pub(super) effect: Effect,
     /// Whether the settings switch it on.
     pub(super) is_taken_without: bool,
+    /// Whether what it may change is known only where packings are at rest under the contact law at the start.
+    pub(super) needs_rest: bool,
     /// Scenes in which it has a meaning.
     pub(super) serves: fn(&Scene) -> bool,
 }
 
 const fn exact(name: &'static str, keys: &'static [&'static str], settings: &'static [&'static str]) -> Lever {
-    Lever { name, keys, settings, effect: Effect::Exact, is_taken_without: false, serves: |_| true }
+    Lever {
+        name,
+        keys,
+        settings,
+        effect: Effect::Exact,
+        is_taken_without: false,
+        needs_rest: false,
+        serves: |_| true,
+    }
 }
 
 /// All of them.
@@ -56,6 +66,8 @@ pub(super) const LEVERS: [Lever; 8] = [
     ),
     Lever {
         effect: Effect::WithinTolerance,
+        // Points that nothing moves keep the stress of the packing, in which its grains are not at rest.
+        needs_rest: true,
         ..exact("zero_increments", &["zero_increments"], &["economy.zero_increments=false"])
     },
     Lever {

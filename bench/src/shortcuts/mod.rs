@@ -126,7 +126,7 @@ struct Finding {
     /// How often it was taken.
     taken: u64,
     is_same: bool,
-    /// Differences of the mean stresses; `None` without a common step.
+    /// Differences of the mean stresses; `None` without a common step, or where the shortcut states no bound.
     difference: Option<Difference>,
 }
 
@@ -148,17 +148,21 @@ fn findings(scene: &Scene, folder: &Path) -> anyhow::Result<Result<Vec<Finding>,
         Ok(base) => base,
         Err(error) => return error.downcast::<Refusal>().map(Err),
     };
+    let is_at_rest = base.summary["fallbacks"]["packings_far_from_rest"].as_u64() == Some(0);
     let mut findings = Vec::new();
     for lever in LEVERS.iter().filter(|lever| (lever.serves)(scene)) {
         let other = run(lever.name, lever.settings)?;
         let with = if lever.is_taken_without { &other } else { &base };
+        let is_bounded = is_at_rest || !lever.needs_rest;
         findings.push(Finding {
             lever,
             steps: base.steps(),
             exits: [base.code, other.code],
             taken: lever.keys.iter().map(|key| with.summary["economy"][key]["count"].as_u64().unwrap_or(0)).sum(),
             is_same: is_same(&base, &other),
-            difference: difference(&base, &other, scene.components(), bound(&scene.options)),
+            difference: is_bounded
+                .then(|| difference(&base, &other, scene.components(), bound(&scene.options)))
+                .flatten(),
         });
     }
     Ok(Ok(findings))
@@ -214,7 +218,7 @@ struct Sum {
     ended_early: u64,
     /// Scenes of which one run converges and the other does not.
     another_end: u64,
-    /// Scenes whose runs have no step in common behind step 0.
+    /// Scenes whose runs have no step in common behind step 0, or for which the shortcut states no bound: their packing is not at rest.
     not_compared: u64,
 }
 

@@ -1,7 +1,7 @@
 //! The worker processes of all engines of one run.
 
 use super::worker_processes::WorkerProcesses;
-use macro_solver::pool::{Outlook, WorkerSupply};
+use macro_solver::pool::{SupplyStatus, WorkerSupply};
 
 /// One group of processes per engine.
 #[derive(Debug)]
@@ -27,8 +27,8 @@ impl WorkerSupply for WorkerGroups {
         self.0.iter_mut().for_each(|one| one.left(pid, had_completed_job));
     }
 
-    fn tend(&mut self) -> Outlook {
-        let outlooks: Vec<(bool, Outlook)> = self
+    fn tend(&mut self) -> SupplyStatus {
+        let outlooks: Vec<(bool, SupplyStatus)> = self
             .0
             .iter_mut()
             .map(|one| (one.tend(), one.is_deserted()))
@@ -38,17 +38,17 @@ impl WorkerSupply for WorkerGroups {
         for (deserted, outlook) in outlooks {
             match outlook {
                 // The points of an engine that has no worker and gets none cannot be solved, whatever the others do.
-                Outlook::Exhausted(reason) if deserted => return Outlook::Exhausted(reason),
-                Outlook::Exhausted(reason) if self.0.len() == 1 => return Outlook::Exhausted(reason),
-                Outlook::Exhausted(_) => {}
-                Outlook::Expected { check_again } => {
+                SupplyStatus::Exhausted(reason) if deserted => return SupplyStatus::Exhausted(reason),
+                SupplyStatus::Exhausted(reason) if self.0.len() == 1 => return SupplyStatus::Exhausted(reason),
+                SupplyStatus::Exhausted(_) => {}
+                SupplyStatus::Expected { check_again } => {
                     soonest = Some(soonest.map_or(check_again, |other: std::time::Duration| other.min(check_again)));
                 }
             }
         }
         match soonest {
-            Some(check_again) => Outlook::Expected { check_again },
-            None => Outlook::Exhausted("no engine gets another worker".to_owned()),
+            Some(check_again) => SupplyStatus::Expected { check_again },
+            None => SupplyStatus::Exhausted("no engine gets another worker".to_owned()),
         }
     }
 

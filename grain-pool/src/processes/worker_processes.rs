@@ -4,7 +4,7 @@ use super::engine::Engine;
 use super::launch::launched;
 use super::restart_backoff::RestartBackoff;
 use super::stderr_tail::StderrTail;
-use macro_solver::pool::{Interrupt, Outlook, WorkerSupply};
+use macro_solver::pool::{Interrupt, SupplyStatus, WorkerSupply};
 use protocol::process::ProcessStat;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -286,15 +286,15 @@ impl WorkerSupply for WorkerProcesses {
         self.due.extend(self.restart_backoff.ended(false).map(|pause| now + pause));
     }
 
-    fn tend(&mut self) -> Outlook {
+    fn tend(&mut self) -> SupplyStatus {
         self.reap();
         self.start_due();
         let starting = self.children.iter().filter(|one| !one.joined).count();
         if starting + self.due.len() > 0 {
-            return Outlook::Expected { check_again: WATCH_INTERVAL };
+            return SupplyStatus::Expected { check_again: WATCH_INTERVAL };
         }
         if self.children.len() >= self.plan.workers {
-            return Outlook::Expected { check_again: Duration::from_secs(1) };
+            return SupplyStatus::Expected { check_again: Duration::from_secs(1) };
         }
         let why = match &self.refusal {
             Some(reason) => format!("workers started by this run were refused: {reason}"),
@@ -304,7 +304,7 @@ impl WorkerSupply for WorkerProcesses {
             ),
         };
         let last = self.last_end.as_deref().unwrap_or("no worker was ever started");
-        Outlook::Exhausted(format!("{why}; {last}"))
+        SupplyStatus::Exhausted(format!("{why}; {last}"))
     }
 
     fn restarts(&self) -> u64 {
@@ -350,8 +350,8 @@ mod tests {
         let begin = Instant::now();
         let reason = loop {
             match processes.tend() {
-                Outlook::Exhausted(reason) => break reason,
-                Outlook::Expected { check_again } => std::thread::sleep(check_again),
+                SupplyStatus::Exhausted(reason) => break reason,
+                SupplyStatus::Expected { check_again } => std::thread::sleep(check_again),
             }
             assert!(begin.elapsed() < 3 * STOPPED_LIMIT, "it is waited for");
         };
@@ -379,8 +379,8 @@ mod tests {
         let end = Instant::now() + Duration::from_secs(5);
         while Instant::now() < end {
             match processes.tend() {
-                Outlook::Exhausted(reason) => return reason,
-                Outlook::Expected { check_again } => std::thread::sleep(check_again),
+                SupplyStatus::Exhausted(reason) => return reason,
+                SupplyStatus::Expected { check_again } => std::thread::sleep(check_again),
             }
         }
         panic!("the supply did not give up");
@@ -401,7 +401,7 @@ mod tests {
         let before: Vec<_> = processes.children.iter().map(|one| one.child.id()).collect();
         before.iter().for_each(|pid| processes.joined(*pid));
         processes.lost(before[0], true);
-        assert!(matches!(processes.tend(), Outlook::Expected { .. }));
+        assert!(matches!(processes.tend(), SupplyStatus::Expected { .. }));
         let after: Vec<_> = processes.children.iter().map(|one| one.child.id()).collect();
         assert_eq!((after.len(), after[0], processes.restarts()), (2, before[1], 1));
         processes.finish();
@@ -415,7 +415,7 @@ mod tests {
             let pid = processes.children.last().unwrap().child.id();
             processes.joined(pid);
             processes.left(pid, true);
-            assert!(matches!(processes.tend(), Outlook::Expected { .. }));
+            assert!(matches!(processes.tend(), SupplyStatus::Expected { .. }));
             assert_ne!(processes.children.last().unwrap().child.id(), pid);
         }
         assert_eq!(processes.restarts(), 0);
@@ -428,7 +428,7 @@ mod tests {
         let outlook = loop {
             let outlook = processes.tend();
             let Some(one) = processes.children.iter_mut().find(|one| one.leaving.is_none()) else {
-                if matches!(outlook, Outlook::Exhausted(_)) {
+                if matches!(outlook, SupplyStatus::Exhausted(_)) {
                     break outlook;
                 }
                 std::thread::sleep(Duration::from_millis(10));
@@ -441,7 +441,10 @@ mod tests {
             rounds += 1;
             assert!(rounds < 20, "replaced again and again");
         };
-        assert!(matches!(&outlook, Outlook::Exhausted(reason) if reason.contains("completed job")), "{outlook:?}");
+        assert!(
+            matches!(&outlook, SupplyStatus::Exhausted(reason) if reason.contains("completed job")),
+            "{outlook:?}"
+        );
         assert_eq!(processes.restarts(), 2);
     }
 

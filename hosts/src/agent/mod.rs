@@ -12,7 +12,7 @@ use crate::join_file::Target;
 use crate::message::{Body, FromAgent, ToAgent, unpacked, with_control};
 use crate::worker_port::{JoinError, Link};
 use kept_states::KeptStates;
-use macro_solver::pool::{Interrupt, Outlook, WorkerSupply};
+use macro_solver::pool::{Interrupt, SupplyStatus, WorkerSupply};
 use member::Members;
 use protocol::StateId;
 use protocol::control::{FromWorker, ToWorker};
@@ -164,9 +164,9 @@ impl<'a, P: MacroPort> Agent<'a, P> {
             self.look_for_run()?;
             let wait = match self.supply.tend() {
                 _ if self.dismissed => LONGEST_WAIT,
-                Outlook::Expected { check_again } => check_again.min(LONGEST_WAIT),
-                Outlook::Exhausted(_) if !self.members.is_empty() => LONGEST_WAIT,
-                Outlook::Exhausted(reason) => return Err(AgentError::NoWorkers(reason)),
+                SupplyStatus::Expected { check_again } => check_again.min(LONGEST_WAIT),
+                SupplyStatus::Exhausted(_) if !self.members.is_empty() => LONGEST_WAIT,
+                SupplyStatus::Exhausted(reason) => return Err(AgentError::NoWorkers(reason)),
             };
             self.take_from_workers(wait)?;
             if let Some(end) = self.take_from_macro()? {

@@ -12,6 +12,7 @@ use super::CheckpointError;
 use super::archive::{Archive, Section};
 use protocol::StateId;
 use serde::{Deserialize, Serialize};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, Read, Write};
@@ -54,6 +55,8 @@ pub struct CheckpointFile {
     current: PathBuf,
     previous: PathBuf,
     draft: PathBuf,
+    /// Whether the current file is known to be whole: this process has written or read it.
+    is_whole: Cell<bool>,
 }
 
 impl CheckpointFile {
@@ -63,7 +66,7 @@ impl CheckpointFile {
     /// The checkpoint of the run that writes into `folder`.
     pub fn in_folder(folder: &Path) -> Self {
         let [current, previous, draft] = Self::NAMES.map(|name| folder.join(name));
-        Self { current, previous, draft }
+        Self { current, previous, draft, is_whole: Cell::new(false) }
     }
 
     /// Writes an archive and makes the last one the previous one. Returns the size, bytes.
@@ -90,13 +93,17 @@ impl CheckpointFile {
         Ok(length)
     }
 
-    /// Two renames. Between them only the previous file is there, and the reader takes that.
+    /// Two renames. Between them only the previous file is there, and the reader takes that. A current file that is damaged does not take the
+    /// place of the previous one, which may be the only whole one.
     fn place(&self) -> io::Result<()> {
-        match fs::rename(&self.current, &self.previous) {
+        let is_whole =
+            self.is_whole.replace(false) || !matches!(read(&self.current), Err(error) if !is_absent(&error));
+        match if is_whole { fs::rename(&self.current, &self.previous) } else { Ok(()) } {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
             _ => {}
         }
         fs::rename(&self.draft, &self.current)?;
+        self.is_whole.set(true);
         // The names must be on the disk too. A file system that cannot sync folders has no better to offer.
         if let Some(folder) = self.current.parent() {
             let _ = File::open(folder).and_then(|folder| folder.sync_all());
@@ -109,8 +116,12 @@ impl CheckpointFile {
     /// # Errors
     /// There are files, but none of them is whole; or the newest has another format, which is not to be skipped silently.
     pub fn read(&self) -> Result<StoredCheckpoint, CheckpointError> {
+        self.is_whole.set(false);
         let first = match read(&self.current) {
-            Ok(archive) => return Ok(StoredCheckpoint::Archive(Box::new(archive), None)),
+            Ok(archive) => {
+                self.is_whole.set(true);
+                return Ok(StoredCheckpoint::Archive(Box::new(archive), None));
+            }
             Err(error @ CheckpointError::Format { .. }) => return Err(error),
             Err(error) => error,
         };

@@ -48,6 +48,29 @@ fn checkpoints_belong_to_their_owner_alone() {
     assert_eq!(mode("checkpoint.previous.bin"), 0o600);
 }
 
+/// A run that goes on from the previous checkpoint, since the newest is damaged, keeps the previous one until it has written the next. It put the
+/// damaged file in its place.
+#[test]
+fn a_damaged_checkpoint_never_replaces_a_whole_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let [current, previous, _] = CheckpointFile::NAMES.map(|name| folder.path().join(name));
+    let first = CheckpointFile::in_folder(folder.path());
+    for text in ["first", "second"] {
+        first.write(&archive(text)).unwrap();
+    }
+    let whole = fs::read(&previous).unwrap();
+    fs::write(&current, b"GSCKPT").unwrap();
+    for reads_before in [true, false] {
+        let next = CheckpointFile::in_folder(folder.path());
+        if reads_before {
+            assert!(matches!(next.read().unwrap(), StoredCheckpoint::Archive(_, Some(_))));
+        }
+        next.write(&archive("third")).unwrap();
+        assert_eq!(fs::read(&previous).unwrap(), whole);
+        fs::write(&current, b"GSCKPT").unwrap();
+    }
+}
+
 #[test]
 fn the_newest_whole_checkpoint_is_found_whatever_was_cut_short() {
     let folder = tempfile::tempdir().unwrap();

@@ -20,7 +20,7 @@ pub use crate::element::{Dimension, ElementKind, SideKind};
 
 pub use seams::{Seam, SeamKind};
 
-use crate::element::shapes_at_points;
+use crate::element::{point_geometry, shapes_at_points};
 
 /// One side of one element: an edge of a plane element, a face of a solid one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -244,6 +244,67 @@ pub enum MeshError {
         /// Elements each way.
         elements: String,
     },
+}
+
+/// Where a mesh has a defect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshPlace {
+    /// At an element.
+    Element(usize),
+    /// At a node.
+    Node(usize),
+    /// At neither.
+    Mesh,
+}
+
+impl MeshError {
+    /// Where the defect is.
+    pub fn place(&self) -> MeshPlace {
+        match *self {
+            Self::MixedDimensions { element, .. }
+            | Self::NodeCount { element, .. }
+            | Self::NoSuchSide { element, .. }
+            | Self::Inverted { element, .. }
+            | Self::Folded { element, .. } => MeshPlace::Element(element),
+            Self::SameNodes { second, .. } => MeshPlace::Element(second),
+            Self::NotFinite { node } | Self::OutOfPlane { node, .. } | Self::LooseNode { node } => {
+                MeshPlace::Node(node)
+            }
+            _ => MeshPlace::Mesh,
+        }
+    }
+
+    /// The same with other numbers of elements and nodes, such as those of the file that the mesh comes from.
+    #[must_use]
+    pub fn renumbered(mut self, of_element: impl Fn(usize) -> usize, of_node: impl Fn(usize) -> usize) -> Self {
+        match &mut self {
+            Self::MixedDimensions { element, .. }
+            | Self::NodeCount { element, .. }
+            | Self::NoSuchSide { element, .. }
+            | Self::NoSuchElement { element, .. }
+            | Self::Inverted { element, .. } => *element = of_element(*element),
+            Self::Folded { element, node, .. } => (*element, *node) = (of_element(*element), of_node(*node)),
+            Self::SameNodes { first, second } => (*first, *second) = (of_element(*first), of_element(*second)),
+            Self::NotFinite { node } | Self::OutOfPlane { node, .. } | Self::LooseNode { node } => {
+                *node = of_node(*node)
+            }
+            Self::Empty
+            | Self::KindCount { .. }
+            | Self::NoSuchNode { .. }
+            | Self::Ring { .. }
+            | Self::Block { .. } => {}
+        }
+        self
+    }
+}
+
+/// Initial volumes of all Gauss points of a mesh, m3; in the plane areas, m2.
+pub fn point_volumes(mesh: &Mesh) -> Vec<f64> {
+    let of_element = |element: usize| {
+        let (kind, positions) = (mesh.kinds[element], mesh.element_positions(element));
+        (0..kind.point_count()).map(move |local| point_geometry(kind, &positions, local).volume)
+    };
+    (0..mesh.elements.len()).flat_map(of_element).collect()
 }
 
 /// Initial places of all Gauss points of a mesh, m.

@@ -118,7 +118,7 @@ impl Constraints {
         self.followers.iter().map(|follower| (follower.dof, follower.masters.as_slice()))
     }
 
-    /// Prescribed total displacement at a moment of the stage, m.
+    /// Prescribed total displacement at a moment of the stage, or a step after it, m.
     pub(crate) fn prescribed(&self, dof: usize, moment: Moment) -> Option<f64> {
         self.paths[dof].map(|path| self.start[dof] + self.change(path, moment))
     }
@@ -130,7 +130,7 @@ impl Constraints {
     }
 
     fn change(&self, path: Path, moment: Moment) -> f64 {
-        path.change * self.histories[path.history].factor(moment)
+        path.change * self.histories[path.history].continued(moment)
     }
 
     /// Adds to a motion from one moment to another what links give to the components that follow others, m.

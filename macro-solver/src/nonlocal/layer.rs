@@ -11,16 +11,17 @@ pub struct NonlocalLayer {
 }
 
 impl NonlocalLayer {
-    /// A layer over points at `positions`, m, of a body that repeats with `periods`, m.
+    /// A layer over points at `positions`, m, with `volumes`, m3, of a body that repeats with `periods`, m.
     ///
     /// # Errors
     /// See [`NonlocalOperator::new`].
     pub fn new(
         positions: &[[f64; 3]],
+        volumes: &[f64],
         periods: &[[f64; 3]],
         settings: &NonlocalSettings,
     ) -> Result<Self, NonlocalError> {
-        let operator = NonlocalOperator::new(positions, periods, settings)?;
+        let operator = NonlocalOperator::new(positions, volumes, periods, settings)?;
         Ok(Self { previous: vec![Matrix3::zeros(); operator.len()], operator })
     }
 

@@ -3,7 +3,11 @@
 //! [Liu2015] section 2.3.3 and appendix A: a point does not see its own strain increment but
 //! `<e>_I = sum_J a_IJ e_J` with `a_IJ = w(|x_I - x_J| / R) / sum_K w(|x_I - x_K| / R)` over all Gauss points within the
 //! radius `R`, the intrinsic length of the material. The table of weights is built once from the initial positions; the
-//! order of neighbours is that of the point numbers, so sums have one order.
+//! order of neighbours is that of their places, so sums have one order.
+//!
+//! The adjoint form has weights of its own, `a_IJ = w_IJ V_J / V` with the volumes `V_J` of the points and the largest sum
+//! `V = max_I sum_J w_IJ V_J`; what a point near the end of the body lacks to 1 goes to itself, as in Borino, Failla and Parrinello (2003). Only
+//! then `sum_I V_I a_IJ = V_J`, so that the transpose leaves a uniform stress as it is.
 
 mod bins;
 mod images;
@@ -53,7 +57,8 @@ pub struct NonlocalSettings {
     pub update: Update,
     /// Whether the stress is averaged by the transpose as well. The work of the averaged stress on the strain of the elements
     /// then equals the work of the stress on the averaged strain, and the stiffness stays symmetric and not negative with
-    /// every kernel; some waves of the mesh may be left without stiffness.
+    /// every kernel; some waves of the mesh may be left without stiffness. Weights count the volumes of the points then, and near the ends
+    /// of the body a point keeps more of its own increment, so that a uniform stress stays uniform.
     pub adjoint: bool,
     /// Whether combinations of kernel, radius and mesh that are known to be unstable run all the same, for the comparison that shows
     /// why they are refused.
@@ -121,7 +126,7 @@ pub struct NonlocalOperator {
 }
 
 impl NonlocalOperator {
-    /// Builds the table for points at `positions` (m). `periods` are translations (m) under which the body repeats, each
+    /// Builds the table for points at `positions` (m) with `volumes` (m3, in the plane m2), which the adjoint form needs. `periods` are translations (m) under which the body repeats, each
     /// used forwards and backwards, as often as the radius reaches, and in all combinations, of which equal ones count once; empty for
     /// an ordinary body.
     ///
@@ -130,10 +135,11 @@ impl NonlocalOperator {
     /// allow it.
     pub fn new(
         positions: &[[f64; 3]],
+        volumes: &[f64],
         periods: &[[f64; 3]],
         settings: &NonlocalSettings,
     ) -> Result<Self, NonlocalError> {
-        let operator = Self::unchecked(positions, periods, settings)?;
+        let operator = Self::unchecked(positions, volumes, periods, settings)?;
         if !settings.allow_unstable {
             operator.check_stability()?;
         }
@@ -146,6 +152,7 @@ impl NonlocalOperator {
     /// A number that means nothing.
     pub fn unchecked(
         positions: &[[f64; 3]],
+        volumes: &[f64],
         periods: &[[f64; 3]],
         settings: &NonlocalSettings,
     ) -> Result<Self, NonlocalError> {
@@ -172,7 +179,32 @@ impl NonlocalOperator {
                 return Err(too_wide());
             }
         }
+        if settings.adjoint {
+            operator.keep_uniform_stresses(volumes);
+        }
         Ok(operator)
+    }
+
+    /// Replaces the weights by those of the adjoint form.
+    fn keep_uniform_stresses(&mut self, volumes: &[f64]) {
+        let NonlocalSettings { radius, kernel, local_share, .. } = self.settings;
+        let volume_in_reach = |entry: usize| {
+            let distance = self.offsets[entry].iter().map(|part| part * part).sum::<f64>().sqrt();
+            kernel.weight(distance / radius) * volumes[self.neighbours[entry]]
+        };
+        let entries = |point: usize| self.starts[point]..self.starts[point + 1];
+        let largest = (0..self.len()).map(|point| entries(point).map(volume_in_reach).sum()).fold(0.0, f64::max);
+        let mut weights: Vec<f64> =
+            (0..self.weights.len()).map(|entry| (1.0 - local_share) * volume_in_reach(entry) / largest).collect();
+        for point in 0..self.len() {
+            let own =
+                entries(point).find(|&entry| self.neighbours[entry] == point && self.offsets[entry] == [0.0; 3]);
+            if let Some(own) = own {
+                let others: f64 = entries(point).filter(|&entry| entry != own).map(|entry| weights[entry]).sum();
+                weights[own] = 1.0 - others;
+            }
+        }
+        self.weights = weights;
     }
 
     fn add_point(&mut self, number: usize, position: &[f64; 3], count: usize, bins: &Bins) {

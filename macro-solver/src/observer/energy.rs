@@ -17,7 +17,7 @@ pub struct EnergyBalance {
     pub damping: f64,
     /// Work of loads and supports.
     pub external: f64,
-    /// Largest sum of the absolute entries so far.
+    /// Largest absolute entry so far.
     pub largest: f64,
     /// Largest absolute residual so far.
     pub largest_residual: f64,

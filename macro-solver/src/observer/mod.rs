@@ -86,7 +86,7 @@ impl Observer for Silent {}
 pub struct IterationReport {
     /// Step being solved, counted over accepted steps; 0 is the initial equilibrium.
     pub step: usize,
-    /// Load factor aimed at, 0 to 1.
+    /// Load factor aimed at; 1 is the whole load of the stage. Where it is an unknown, as with an arc length, it may fall.
     pub load: f64,
     /// From 1.
     pub iteration: usize,
@@ -109,13 +109,13 @@ pub struct StepReport {
     pub step: usize,
     /// Stage, from 0.
     pub stage: usize,
-    /// Share of the stage reached, 0 to 1.
+    /// Load factor reached; 1 is the whole load of the stage. Where it is an unknown, as with an arc length, it may fall.
     pub load: f64,
     /// Time since the start of the run, s.
     pub time: f64,
     /// Share of the whole path reached, 0 to 1; every stage counts the same.
     pub share: f64,
-    /// Load factor covered by this step.
+    /// Share of the path of the stage covered by this step.
     pub size: f64,
     /// Iterations of the successful attempt.
     pub iterations: usize,
@@ -272,7 +272,7 @@ pub struct Run {
     pub outcome: Outcome,
     /// Stage of the last accepted step, from 0.
     pub stage: usize,
-    /// Load factor within its stage of the last accepted step, 0 to 1.
+    /// Load factor within its stage of the last accepted step.
     pub load: f64,
     /// Number of the step that was taken last, accepted or not.
     pub step: usize,

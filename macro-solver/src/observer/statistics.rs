@@ -106,10 +106,9 @@ pub struct Statistics {
     pub symbolic_factorizations: u64,
     /// Numeric factorizations of the global matrix.
     pub numeric_factorizations: u64,
-    /// Iterations of the iterative solver of the global equations since the run was started or continued.
+    /// Iterations of the iterative solver of the global equations.
     pub linear_iterations: u64,
-    /// Times that the iterative solver failed and the equations were solved directly, since the run was started or
-    /// continued.
+    /// Times that the iterative solver failed and the equations were solved directly.
     pub direct_fallbacks: u64,
     /// Degrees of freedom solved for.
     pub unknowns: usize,

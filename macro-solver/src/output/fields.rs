@@ -140,13 +140,22 @@ impl FieldSeries {
         &self.frames
     }
 
-    /// Goes on behind the frames of an earlier process; the list is rewritten if there are any.
+    /// Goes on behind the frames of an earlier process. The list is rewritten, or removed if there are none: it may name frames after the
+    /// checkpoint.
     ///
     /// # Errors
     /// [`OutputError::Write`].
     pub fn restore(&mut self, frames: Vec<(f64, String)>) -> Result<(), OutputError> {
         self.frames = frames;
-        if self.frames.is_empty() { Ok(()) } else { self.write() }
+        if !self.frames.is_empty() {
+            return self.write();
+        }
+        match std::fs::remove_file(&self.path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                Err(OutputError::write(&self.path, source))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn write(&self) -> Result<(), OutputError> {

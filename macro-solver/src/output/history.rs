@@ -30,7 +30,7 @@ pub struct HistoryRow {
     pub step: u64,
     /// Time of the scene, s; a parameter of the path in a quasi-static run.
     pub time: f64,
-    /// Share of the stage that has passed, 0 to 1.
+    /// Load factor within its stage; 1 is the whole load. Where it is an unknown, as with an arc length, it may fall.
     pub load: f64,
     /// Newton iterations of the attempt that was accepted.
     pub iterations: u64,

@@ -31,6 +31,9 @@ pub struct TimeShares {
     /// From the opening of the channels, before the first workers start, to the end of the last step; all processes of a continued run
     /// together.
     pub wall_s: f64,
+    /// Before that, cells brought to their initial stress by the latest process of the run; not in `wall_s`.
+    #[serde(default)]
+    pub preparation_s: f64,
     /// Workers, relaxation of grains.
     pub rve_s: f64,
     /// Workers, tangent operators.

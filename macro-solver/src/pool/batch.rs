@@ -48,7 +48,7 @@ pub(super) struct Job {
     pub(super) in_message: usize,
     /// Number of workers that lacked its definition.
     pub(super) definition_misses: u32,
-    /// Set once; stays empty for a job that was dropped while it waited.
+    /// Set once; stays empty for a job that was dropped.
     pub(super) outcome: Option<JobOutcome>,
 }
 
@@ -181,6 +181,18 @@ impl Batch {
     /// Whether this number belongs to an earlier evaluation.
     pub(super) fn is_past(&self, number: u64) -> bool {
         number < self.first
+    }
+
+    /// Whether the outcome of a job can still change that of the evaluation: no lower point has failed.
+    pub(super) fn is_needed(&self, index: usize) -> bool {
+        self.lowest_failure.is_none_or(|lowest| self.jobs[index].trial.point <= lowest)
+    }
+
+    /// Gives up a job that was sent, is with no worker any more and is not needed.
+    pub(super) fn drop_sent(&mut self, index: usize) {
+        if self.jobs[index].outcome.is_none() {
+            self.open -= 1;
+        }
     }
 
     /// Puts a job that was sent back into the queue.

@@ -30,7 +30,7 @@ pub use points::PointState;
 pub use report::{Reporter, WorkerReport};
 pub use settings::{HangPolicy, PoolSettings, Recycling};
 pub use statistics::{PoolStatistics, SolvedTrials, WorkerStatistics};
-pub use supply::{JoiningWorkers, Outlook, WorkerSupply};
+pub use supply::{JoiningWorkers, SupplyStatus, WorkerSupply};
 
 use crate::checkpoint::{Archive, CheckpointError, FailureCase};
 use crate::material::{MaterialError, PointId, PointMaterial, PointTrial};
@@ -123,7 +123,7 @@ impl<P: MacroPort> Pool<P> {
         let begin = Instant::now();
         self.unserved_since = None;
         while self.coordinator.workers.active() < count || !self.coordinator.is_served() {
-            let more_may_come = matches!(self.supply.tend(), Outlook::Expected { .. })
+            let more_may_come = matches!(self.supply.tend(), SupplyStatus::Expected { .. })
                 && begin.elapsed() < self.coordinator.settings.worker_timeout;
             if !more_may_come && self.coordinator.is_served() {
                 break;
@@ -357,7 +357,7 @@ impl<P: MacroPort> Pool<P> {
             let left = worker_timeout.saturating_sub(now.duration_since(since));
             let trouble =
                 self.coordinator.last_trouble.as_deref().map_or(String::new(), |text| format!("; last: {text}"));
-            if let Outlook::Exhausted(reason) = &outlook {
+            if let SupplyStatus::Exhausted(reason) = &outlook {
                 return Err(MaterialError::WorkersLost(format!("no workers are left: {reason}{trouble}")));
             }
             if left.is_zero() {
@@ -373,7 +373,7 @@ impl<P: MacroPort> Pool<P> {
         if self.any_stopped {
             wait = wait.min(CLOSE_CHECK_INTERVAL);
         }
-        if let Outlook::Expected { check_again } = outlook {
+        if let SupplyStatus::Expected { check_again } = outlook {
             wait = wait.min(check_again);
         }
         Ok(wait)

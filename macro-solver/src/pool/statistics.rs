@@ -57,7 +57,7 @@ pub struct PoolStatistics {
     /// Force evaluations of the answers that they shared.
     #[serde(default)]
     pub duplicate_force_evaluations: u64,
-    /// Waiting jobs dropped because a lower point had failed.
+    /// Jobs dropped because a lower point had failed: waiting ones, and those of lost workers.
     pub abandoned: u64,
     /// Force evaluations of all solved jobs.
     pub force_evaluations: u64,

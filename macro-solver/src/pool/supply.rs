@@ -4,7 +4,7 @@ use std::time::Duration;
 
 /// Whether workers may still join.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Outlook {
+pub enum SupplyStatus {
     /// Workers are alive, starting or may join; ask again after this time.
     Expected {
         /// When the supply wants to be tended again.
@@ -33,7 +33,7 @@ pub trait WorkerSupply {
     }
 
     /// Called regularly while the pool waits: starts replacements that are due.
-    fn tend(&mut self) -> Outlook;
+    fn tend(&mut self) -> SupplyStatus;
 
     /// Workers started beyond the first set.
     fn restarts(&self) -> u64;
@@ -53,8 +53,8 @@ impl WorkerSupply for JoiningWorkers {
 
     fn lost(&mut self, _pid: u32, _had_answered: bool) {}
 
-    fn tend(&mut self) -> Outlook {
-        Outlook::Expected { check_again: Duration::from_secs(1) }
+    fn tend(&mut self) -> SupplyStatus {
+        SupplyStatus::Expected { check_again: Duration::from_secs(1) }
     }
 
     fn restarts(&self) -> u64 {

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 /// A moment within a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
-    /// Share of the stage that has passed, 0 to 1.
+    /// Share of the stage that has passed, 0 to 1; the load factor where that is an unknown.
     pub load: f64,
     /// Time since the stage began, s.
     pub time: f64,
@@ -73,6 +73,26 @@ impl Amplitude {
             Self::Sine { frequency, phase } => (TAU * frequency * moment.time + phase).sin(),
             Self::Rate(rate) => rate.factor(moment),
         }
+    }
+
+    /// The factor at a moment that may lie after the stage, as the velocity of a support in its last instant needs it: histories that would
+    /// stop with the stage, at a rate that is not zero, go on as they came over as long a time before.
+    pub(crate) fn continued(&self, moment: Moment) -> f64 {
+        // Rounding puts the last instant itself a little after the end.
+        if moment.load <= 1.0 + 1e-9 {
+            return self.factor(moment);
+        }
+        let end = Moment { load: 1.0, time: moment.time / moment.load };
+        let stops = match self {
+            Self::SmoothRamp { shape, .. } => shape.stop == 0.0,
+            Self::Table(points) => points.last().is_some_and(|[last, _]| *last <= end.time * (1.0 + 1e-9)),
+            Self::Constant | Self::Ramp { .. } | Self::Smooth { .. } | Self::Sine { .. } | Self::Rate(_) => false,
+        };
+        if !stops {
+            return self.factor(moment);
+        }
+        let mirrored = Moment { load: 2.0 - moment.load, time: 2.0 * end.time - moment.time };
+        2.0 * self.factor(end) - self.factor(mirrored)
     }
 
     /// Change of the factor per second at the beginning of a stage, of histories made to begin with a certain one; `None` for the others,
@@ -181,6 +201,23 @@ mod tests {
         assert_eq!([at(0.0), at(1.0), at(1.5), at(2.0), at(3.0), at(4.0)], [2.0, 2.0, 1.0, 0.0, -2.0, -2.0]);
         let sine = Amplitude::Sine { frequency: 0.5, phase: 0.0 };
         assert!((factor(&sine, 0.125, 2.0) - 0.5f64.sqrt()).abs() < 1e-15 && factor(&sine, 0.0, 2.0) == 0.0);
+    }
+
+    /// After the stage: what stops with it at a rate goes on at that rate, everything else as it is.
+    #[test]
+    fn histories_that_stop_with_the_stage_go_on_as_they_came() {
+        let after = |amplitude: &Amplitude| amplitude.continued(Moment { load: 1.1, time: 2.2 });
+        let ending = Amplitude::Table(vec![[0.0, 0.0], [1.0, 3.0], [2.0, 2.0]]);
+        assert!((after(&ending) - 1.8).abs() < 1e-15, "{}", after(&ending));
+        assert_eq!(after(&Amplitude::Table(vec![[0.0, 0.0], [1.0, 3.0]])), 3.0);
+        let longer = Amplitude::Table(vec![[0.0, 0.0], [2.0, 2.0], [4.0, 0.0]]);
+        assert!((after(&longer) - 1.8).abs() < 1e-15, "{}", after(&longer));
+        let ramp = |stop| Amplitude::SmoothRamp { from: 1.0, to: 3.0, shape: SmoothRamp { start: 0.5, stop } };
+        let rate = 2.0 / 0.75;
+        assert!((after(&ramp(0.0)) - (3.0 + 0.1 * rate)).abs() < 1e-14, "{}", after(&ramp(0.0)));
+        assert_eq!([after(&ramp(0.5)), after(&Amplitude::SMOOTH)], [3.0, 1.0]);
+        let at_the_end = Moment { load: 1.0 + 1e-15, time: 2.0 };
+        assert_eq!([ramp(0.0).continued(at_the_end), ending.continued(at_the_end)], [3.0, 2.0]);
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub(crate) struct Equation<'a> {
     pub(crate) value: f64,
     /// Factor over the stage.
     pub(crate) history: &'a Amplitude,
+    /// Number of its condition in the stage.
+    pub(crate) condition: usize,
 }
 
 impl Problem {
@@ -30,9 +32,10 @@ impl Problem {
         stage: &'a Stage,
         positions: &[[f64; 3]],
     ) -> Result<Vec<Equation<'a>>, ProblemError> {
-        let mut writer = Writer { problem: self, positions, auxiliaries: 0, equations: Vec::new() };
+        let mut writer = Writer { problem: self, positions, auxiliaries: 0, equations: Vec::new(), condition: 0 };
         for (number, Applied { condition, history, .. }) in stage.conditions.iter().enumerate() {
             let Condition::MultiPointConstraint(link) = condition else { continue };
+            writer.condition = number;
             writer.write(link, history).map_err(|error| error.of_condition(number))?;
         }
         Ok(writer.equations)
@@ -45,6 +48,8 @@ struct Writer<'a, 'b> {
     positions: &'b [[f64; 3]],
     auxiliaries: usize,
     equations: Vec<Equation<'a>>,
+    /// Number of the condition whose equations are written.
+    condition: usize,
 }
 
 /// A prescribed number, or the unknown that stands for it.
@@ -85,7 +90,13 @@ impl<'a> Writer<'a, '_> {
 
     /// `u_dof = sum of coefficient x part`.
     fn equate(&mut self, dof: usize, parts: &[(Part, f64)], history: &'a Amplitude) {
-        let mut equation = Equation { terms: vec![(dof, 1.0)], auxiliary: Vec::new(), value: 0.0, history };
+        let mut equation = Equation {
+            terms: vec![(dof, 1.0)],
+            auxiliary: Vec::new(),
+            value: 0.0,
+            history,
+            condition: self.condition,
+        };
         for &(part, coefficient) in parts.iter().filter(|(_, coefficient)| *coefficient != 0.0) {
             match part {
                 Part::Known(value) => equation.value += coefficient * value,
@@ -191,7 +202,8 @@ impl<'a> Writer<'a, '_> {
                 .map(|axis| (dimension * node + axis, direction[axis] / length))
                 .filter(|(_, share)| share.abs() > 1e-14);
             let terms = terms.collect();
-            self.equations.push(Equation { terms, auxiliary: Vec::new(), value: displacement, history });
+            let condition = self.condition;
+            self.equations.push(Equation { terms, auxiliary: Vec::new(), value: displacement, history, condition });
         }
         Ok(())
     }
@@ -247,7 +259,8 @@ impl<'a> Writer<'a, '_> {
     }
 
     fn sum(&mut self, terms: &[ConstraintTerm], value: f64, history: &'a Amplitude) -> Result<(), ProblemError> {
-        let mut equation = Equation { terms: Vec::new(), auxiliary: Vec::new(), value, history };
+        let condition = self.condition;
+        let mut equation = Equation { terms: Vec::new(), auxiliary: Vec::new(), value, history, condition };
         for term in terms {
             if term.axis.index() >= self.dimension() {
                 return Err(ProblemError::NoThirdAxis);

@@ -138,7 +138,7 @@ pub struct Tolerances {
         "x-unit" = "-",
         "exclusiveMinimum" = 0,
         "x-procedures" = "implicit relaxation",
-        "x-default" = "0.001; implicit stages that keep to `rve.error`: twice that error, at most 0.01; with `rve.accuracy = \"draft\"` 0.01"
+        "x-default" = "0.001; with `rve.error` twice that error, at most 0.01; with `rve.accuracy = \"draft\"` 0.01"
     ))]
     pub force: f64,
     /// Largest correction that the accepted state would still get, over the displacement of a full step.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// How large the time step is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "StepKeys", into = "StepKeys")]
-pub enum StepRule {
+pub enum TimeStepRule {
     /// A share of the critical step of the fastest element.
     Stable {
         /// Share, above 0 and at most 1.
@@ -23,7 +23,7 @@ pub enum StepRule {
     },
 }
 
-impl Default for StepRule {
+impl Default for TimeStepRule {
     fn default() -> Self {
         Self::Stable { safety: 0.9 }
     }
@@ -42,7 +42,7 @@ struct StepKeys {
     time_step: Option<f64>,
 }
 
-impl From<StepKeys> for StepRule {
+impl From<StepKeys> for TimeStepRule {
     fn from(keys: StepKeys) -> Self {
         match keys {
             StepKeys { time_step: Some(step), .. } => Self::Fixed { step },
@@ -52,11 +52,11 @@ impl From<StepKeys> for StepRule {
     }
 }
 
-impl From<StepRule> for StepKeys {
-    fn from(rule: StepRule) -> Self {
+impl From<TimeStepRule> for StepKeys {
+    fn from(rule: TimeStepRule) -> Self {
         match rule {
-            StepRule::Stable { safety } => Self { safety: Some(safety), time_step: None },
-            StepRule::Fixed { step } => Self { safety: None, time_step: Some(step) },
+            TimeStepRule::Stable { safety } => Self { safety: Some(safety), time_step: None },
+            TimeStepRule::Fixed { step } => Self { safety: None, time_step: Some(step) },
         }
     }
 }
@@ -245,7 +245,7 @@ pub struct DynamicSettings {
     /// Time step.
     #[serde(flatten)]
     #[schemars(with = "StepKeys")]
-    pub step: StepRule,
+    pub step: TimeStepRule,
     /// Added mass.
     #[serde(flatten)]
     #[schemars(with = "MassKeys")]
@@ -292,7 +292,7 @@ impl DynamicSettings {
             density,
             element_densities: Vec::new(),
             lumping: Lumping::default(),
-            step: StepRule::default(),
+            step: TimeStepRule::default(),
             mass_scaling: MassScaling::default(),
             damping: RayleighDamping::default(),
             viscosity: BulkViscosity::default(),

@@ -35,11 +35,13 @@ struct Row<'a> {
     given: Vec<(f64, &'a Amplitude)>,
     /// Largest coefficient that it began with.
     scale: f64,
+    /// Number of the condition that it comes from.
+    condition: usize,
 }
 
 impl<'a> Row<'a> {
     fn new(equation: &Equation<'a>, prescribed: &[Option<Prescribed<'a>>]) -> Result<Self, ProblemError> {
-        let mut row = Self { terms: BTreeMap::new(), given: Vec::new(), scale: 0.0 };
+        let mut row = Self { terms: BTreeMap::new(), given: Vec::new(), scale: 0.0, condition: equation.condition };
         row.add_given(equation.value, equation.history);
         for &(dof, coefficient) in &equation.terms {
             match prescribed[dof] {
@@ -51,7 +53,8 @@ impl<'a> Row<'a> {
                     return Err(ProblemError::MultiPointConstraint {
                         reason: "a linked component is led back to where the run began",
                         remedy: "let its displacement count from the stage",
-                    });
+                    }
+                    .of_condition(equation.condition));
                 }
             }
         }
@@ -132,7 +135,8 @@ pub(crate) fn dependents<'a>(
                 return Err(ProblemError::MultiPointConstraint {
                     reason: "the linked displacements contradict one another or what is prescribed",
                     remedy: "leave one of the components free",
-                });
+                }
+                .of_condition(row.condition));
             }
             continue;
         };
@@ -176,7 +180,7 @@ mod tests {
     const RAMP: &Amplitude = &Amplitude::RAMP;
 
     fn equation(terms: &[(usize, f64)], auxiliary: &[(usize, f64)], value: f64) -> Equation<'static> {
-        Equation { terms: terms.to_vec(), auxiliary: auxiliary.to_vec(), value, history: RAMP }
+        Equation { terms: terms.to_vec(), auxiliary: auxiliary.to_vec(), value, history: RAMP, condition: 3 }
     }
 
     /// Three nodes on a line with a slope and a middle: one dependent on the slope that the other two make.
@@ -200,7 +204,12 @@ mod tests {
         let found = dependents(&chain, &[Some(moved), None, None]).unwrap();
         assert_eq!(found[1], Dependent { dof: 2, masters: vec![], given: vec![(3.75, RAMP)] });
         let all = [Some(moved), Some(moved), None];
-        assert!(matches!(dependents(&chain, &all), Err(ProblemError::MultiPointConstraint { .. })), "3 is not 3.25");
+        let is_refused = |found: Result<Vec<Dependent<'_>>, ProblemError>| {
+            let error = found.unwrap_err();
+            matches!(error, ProblemError::Condition { number: 3, .. })
+                && matches!(error.cause(), ProblemError::MultiPointConstraint { .. })
+        };
+        assert!(is_refused(dependents(&chain, &all)), "3 is not 3.25");
         let nothing = equation(&[(0, 1.0), (0, -1.0)], &[], 0.0);
         assert_eq!(
             dependents(std::slice::from_ref(&nothing), &[None; 3]).unwrap(),
@@ -208,7 +217,7 @@ mod tests {
             "terms that cancel link nothing"
         );
         let contradiction = [Equation { value: 1.0, ..nothing }];
-        assert!(matches!(dependents(&contradiction, &[None; 3]), Err(ProblemError::MultiPointConstraint { .. })));
+        assert!(is_refused(dependents(&contradiction, &[None; 3])));
         let twice = [chain[0].clone(), chain[0].clone(), chain[1].clone()];
         assert_eq!(dependents(&twice, &[None, None, None]).unwrap().len(), 2, "said twice is said once");
     }

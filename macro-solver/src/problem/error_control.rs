@@ -29,11 +29,16 @@ impl ErrorControl {
     /// of the last step whose estimate was not above [`ErrorControl::error`], if there was one. The error falls about in proportion to
     /// the strain.
     pub fn next_strain_per_step(&self, now: f64, kept: Option<f64>, estimated: f64) -> f64 {
-        if let Some(kept) = kept.filter(|_| !self.is_kept(estimated)) {
+        if let Some(kept) = kept.filter(|_| !self.is_within_error(estimated)) {
             return kept;
         }
         let [down, up] = LARGEST_CHANGES;
-        let wanted = if estimated > 0.0 { AIMED_AT * self.error / estimated } else { up };
+        // An estimate that is no number says nothing good.
+        let wanted = match estimated {
+            _ if estimated.is_nan() => down,
+            _ if estimated > 0.0 => AIMED_AT * self.error / estimated,
+            _ => up,
+        };
         if (DEAD_BAND.recip()..=DEAD_BAND).contains(&wanted) {
             return now;
         }
@@ -41,7 +46,7 @@ impl ErrorControl {
     }
 
     /// Whether an estimated error is not above the one that was asked for.
-    pub fn is_kept(&self, estimated: f64) -> bool {
+    pub fn is_within_error(&self, estimated: f64) -> bool {
         estimated <= self.error
     }
 }
@@ -51,6 +56,12 @@ mod tests {
     use super::*;
 
     const CONTROL: ErrorControl = ErrorControl { error: 5e-3, smallest: 1e-6, largest: 2e-5 };
+
+    #[test]
+    fn an_estimate_that_is_no_number_makes_steps_smaller() {
+        assert!(CONTROL.next_strain_per_step(1e-5, None, f64::NAN) < 1e-5);
+        assert_eq!(CONTROL.next_strain_per_step(1e-5, Some(4e-6), f64::NAN), 4e-6);
+    }
 
     #[test]
     fn an_error_in_proportion_to_the_step_is_brought_to_what_is_aimed_at() {
@@ -76,7 +87,7 @@ mod tests {
         let mut course = Vec::new();
         for estimated in [1e-3, 2e-3, 4e-3, 3e-2, 5e-2, 4e-2, 1e-3] {
             let next = CONTROL.next_strain_per_step(strain, kept, estimated);
-            if CONTROL.is_kept(estimated) {
+            if CONTROL.is_within_error(estimated) {
                 kept = Some(strain);
             }
             course.push(strain);

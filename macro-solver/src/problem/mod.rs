@@ -52,7 +52,7 @@ pub use prescribed::Prescribed;
 pub use quasi_newton::QuasiNewton;
 pub use rate_history::{Rate, RateHistory};
 pub use smooth_step::SmoothRamp;
-pub use stage::{LoadingSettings, Procedure, Stabilisation, Stage, StepControl, StepRule};
+pub use stage::{LoadingSettings, Procedure, Stabilisation, Stage, StepAdaptation, StepControl};
 pub use strategy::{Predictor, SecantSettings, Strategy};
 pub use tangent_update::TangentUpdate;
 

@@ -32,6 +32,11 @@ impl Procedure {
             Self::Dynamic(_) => "dynamic",
         }
     }
+
+    /// Whether it solves linear equations with the stiffness of the body.
+    pub(crate) fn solves_equations(&self) -> bool {
+        matches!(self, Self::Implicit)
+    }
 }
 
 /// A part of the path with its own conditions and its own way of solving. The conditions of a stage are complete: what it
@@ -154,7 +159,7 @@ pub struct StepControl {
     /// How the step size follows the iterations that a step took.
     #[serde(rename = "adapt")]
     #[schemars(extend("x-procedures" = "implicit"))]
-    pub rule: StepRule,
+    pub rule: StepAdaptation,
     /// What a step prescribes: the load factor, or a measure of displacement with the load factor as an unknown.
     #[serde(rename = "control")]
     #[schemars(extend("x-procedures" = "implicit"))]
@@ -267,7 +272,7 @@ impl Default for Stabilisation {
 /// How the size of the next step follows from the last one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum StepRule {
+pub enum StepAdaptation {
     /// Grows by `growth` after an easy step and stays otherwise.
     #[default]
     Easy,
@@ -280,9 +285,9 @@ impl StepControl {
     /// Size of the step after one of `size` that took `iterations`.
     pub fn next_size(&self, size: f64, iterations: usize) -> f64 {
         let factor = match self.rule {
-            StepRule::Easy if iterations <= self.target_iterations => self.growth,
-            StepRule::Easy => 1.0,
-            StepRule::Target => {
+            StepAdaptation::Easy if iterations <= self.target_iterations => self.growth,
+            StepAdaptation::Easy => 1.0,
+            StepAdaptation::Target => {
                 let wanted = self.target_iterations.max(1) as f64 / iterations.max(1) as f64;
                 wanted.sqrt().clamp(self.cut, self.growth)
             }
@@ -300,7 +305,7 @@ impl Default for StepControl {
             cut: 0.5,
             target_iterations: 6,
             max_iterations: 15,
-            rule: StepRule::Easy,
+            rule: StepAdaptation::Easy,
             path: PathControl::Load,
             stabilisation: Some(Stabilisation::default()),
         }
@@ -315,7 +320,7 @@ mod tests {
     fn sizes_follow_the_iterations() {
         let easy = StepControl { increments: 10, ..StepControl::default() };
         assert_eq!([1, 6, 7].map(|iterations| easy.next_size(0.04, iterations)), [0.06, 0.06, 0.04]);
-        let target = StepControl { rule: StepRule::Target, target_iterations: 4, growth: 2.0, ..easy };
+        let target = StepControl { rule: StepAdaptation::Target, target_iterations: 4, growth: 2.0, ..easy };
         assert_eq!([1, 4, 16, 100].map(|iterations| target.next_size(0.04, iterations)), [0.08, 0.04, 0.02, 0.02]);
         assert_eq!((target.next_size(0.09, 1), target.next_size(1.5e-4, 100)), (0.1, 1e-4));
     }

@@ -7,8 +7,8 @@ use super::{
     Stage,
 };
 use crate::element::hourglass::HourglassControl;
-use crate::mesh::point_places;
 use crate::mesh::{Dimension, Side};
+use crate::mesh::{point_places, point_volumes};
 use crate::nonlocal::NonlocalOperator;
 use keys::{Fault, check_settings};
 
@@ -139,7 +139,8 @@ impl Problem {
             return Err(ProblemError::NonlocalFormulation { formulation: self.formulation.keyword() });
         }
         // Periodic faces change where a body ends, and with it what is stable.
-        NonlocalOperator::new(&point_places(&self.mesh), &self.periods(stage)?, settings)?;
+        let (places, volumes) = (point_places(&self.mesh), point_volumes(&self.mesh));
+        NonlocalOperator::new(&places, &volumes, &self.periods(stage)?, settings)?;
         Ok(())
     }
 
@@ -147,8 +148,8 @@ impl Problem {
     pub fn averages_nothing(&self, stage: &Stage) -> bool {
         let Some(settings) = &stage.nonlocal else { return true };
         let periods = self.periods(stage).unwrap_or_default();
-        NonlocalOperator::unchecked(&point_places(&self.mesh), &periods, settings)
-            .is_ok_and(|found| found.is_identity())
+        let (places, volumes) = (point_places(&self.mesh), point_volumes(&self.mesh));
+        NonlocalOperator::unchecked(&places, &volumes, &periods, settings).is_ok_and(|found| found.is_identity())
     }
 
     /// The named node set.

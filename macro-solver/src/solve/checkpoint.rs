@@ -45,7 +45,7 @@ struct Record {
     /// Of the next step.
     strain_per_step: f64,
     /// Of the last step that kept to the error that was asked for.
-    kept_strain_per_step: Option<f64>,
+    strain_within_error: Option<f64>,
 }
 
 impl Solver<'_> {
@@ -94,7 +94,7 @@ impl Solver<'_> {
             kept_is_direct: self.linear.solves_directly(),
             pairs: self.memory.as_ref().map(Memory::record).unwrap_or_default(),
             strain_per_step: self.points.strain_per_step(),
-            kept_strain_per_step: self.kept_strain_per_step,
+            strain_within_error: self.strain_within_error,
         };
         archive.put(SECTION, VERSION, &record);
     }
@@ -107,7 +107,7 @@ impl Solver<'_> {
         }
         self.points.restore(SECTION, record.points)?;
         self.points.set_strain_per_step(record.strain_per_step);
-        self.kept_strain_per_step = record.kept_strain_per_step;
+        self.strain_within_error = record.strain_within_error;
         self.last_step = record.last_step;
         (self.load, self.stage_fraction, self.step_size) = (record.load, record.stage_fraction, record.step_size);
         self.stabilised_in_vain = record.stabilised_in_vain;

@@ -8,7 +8,7 @@
 
 use super::accepted::{AcceptedState, Attempted, Converged, Counters, Followed, LastStep};
 use super::equations::Equations;
-use super::explicit::{Carried, Integrator};
+use super::explicit::{Handover, Integrator};
 use super::linear_solver::{LinearSolver, norm};
 use super::newton::path::PathConstraint;
 use super::newton::quasi_newton::Memory;
@@ -111,7 +111,7 @@ pub(super) struct Solver<'a> {
     /// The dynamic stage that runs or has just ended.
     pub(super) integrator: Option<Integrator>,
     /// What the stage before leaves to a dynamic one that has not begun.
-    pub(super) carried: Carried,
+    pub(super) handover: Handover,
     /// Share of the stage that the next step tries.
     pub(super) step_size: f64,
     /// A step has been stabilised in vain, and none of full size has been accepted since.
@@ -120,7 +120,7 @@ pub(super) struct Solver<'a> {
     /// Of the last accepted step.
     pub(super) accuracy: StepAccuracy,
     /// Strain per ramp step of the last step whose estimated error was not above the one that was asked for.
-    pub(super) kept_strain_per_step: Option<f64>,
+    pub(super) strain_within_error: Option<f64>,
 }
 
 impl<'a> Solver<'a> {
@@ -163,12 +163,12 @@ impl<'a> Solver<'a> {
             last_load_change: 0.0,
             step: 0,
             integrator: None,
-            carried: Carried::default(),
+            handover: Handover::default(),
             step_size: 1.0 / first.control.increments as f64,
             stabilised_in_vain: false,
             statistics,
             accuracy: StepAccuracy::default(),
-            kept_strain_per_step: None,
+            strain_within_error: None,
         })
     }
 
@@ -295,7 +295,7 @@ impl<'a> Solver<'a> {
                     return Ok(converged.iterations);
                 }
                 Ok(Attempted::Unfinished(unfinished)) => {
-                    match self.go_on_from(&unfinished, target, &counters, session)? {
+                    match self.continue_from_iterate(&unfinished, target, &counters, session)? {
                         Followed::Accepted(iterations) => return Ok(iterations),
                         Followed::TakenBack(reason) => reason,
                     }

@@ -36,8 +36,11 @@ impl Equations {
         let equations = problem.equations(stage, &body.positions_at(start))?;
         let constraints = Constraints::new(&prescribed, &dependents(&equations, &prescribed)?, start);
         let loads = Loads::new(problem, stage)?;
-        let block_dofs: Vec<BlockDofs> =
-            body.block_dofs(&loads, coupling).iter().map(|dofs| constraints.condensed_dofs(dofs)).collect();
+        // Meshes of motions may be too large for a stiffness.
+        let block_dofs: Vec<BlockDofs> = match stage.procedure.solves_equations() {
+            true => body.block_dofs(&loads, coupling).iter().map(|dofs| constraints.condensed_dofs(dofs)).collect(),
+            false => Vec::new(),
+        };
         let linear = LinearSolver::new(block_dofs.iter(), &constraints, problem.equations);
         let frictions = Frictions::new(problem, stage, body)?;
         Ok(Self { constraints, loads, frictions, linear })

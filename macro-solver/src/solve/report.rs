@@ -17,9 +17,9 @@ impl Solver<'_> {
         if let (Some(control), Some(estimate)) = (control, self.accuracy.estimate)
             && estimate.points > 0
         {
-            let next = control.next_strain_per_step(strain_per_step, self.kept_strain_per_step, estimate.rms);
-            if control.is_kept(estimate.rms) {
-                self.kept_strain_per_step = Some(strain_per_step);
+            let next = control.next_strain_per_step(strain_per_step, self.strain_within_error, estimate.rms);
+            if control.is_within_error(estimate.rms) {
+                self.strain_within_error = Some(strain_per_step);
             }
             self.points.set_strain_per_step(next);
         }

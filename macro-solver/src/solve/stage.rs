@@ -2,7 +2,7 @@
 
 use super::driver::{Session, Solver};
 use super::equations::Equations;
-use super::explicit::Carried;
+use super::explicit::Handover;
 use super::newton::path::PathConstraint;
 use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
@@ -29,7 +29,7 @@ impl<'a> Solver<'a> {
             return Ok(false);
         }
         let loads = self.loads.force(&self.body.positions(&self.body.zero()), self.moment(self.load));
-        self.carried = Carried::after(self.integrator.take(), &self.constraints, loads);
+        self.handover = Handover::after(self.integrator.take(), &self.constraints, loads);
         self.stage += 1;
         (self.load, self.stage_fraction) = (0.0, 0.0);
         (self.arc_length, self.last_load_change) = (None, 0.0);
@@ -60,8 +60,10 @@ impl<'a> Solver<'a> {
         let strategy = &self.stage().strategy;
         self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
         self.memory = strategy.quasi_newton.as_ref().map(Memory::new);
-        let moment = self.moment(self.load);
-        self.balance = self.body.balance(&self.body.zero(), &self.points, &self.loads, moment);
+        self.balance = match self.stage().procedure.solves_equations() {
+            true => self.body.balance(&self.body.zero(), &self.points, &self.loads, self.moment(self.load)),
+            false => self.forces_at(&self.body.zero(), self.load),
+        };
         self.committed_balance.clone_from(&self.balance);
         Ok(())
     }

@@ -42,9 +42,9 @@ pub struct EventMemory<S: Space = Discs> {
     /// Contact-force evaluations saved so far less those spent in vain, bounded.
     pub balance: i32,
     /// Trials that relaxation will answer before the solver tries again.
-    pub rest: u32,
-    /// How many they were when the last rest began; 0 once linear responses have paid again.
-    pub last_rest: u32,
+    pub pause: u32,
+    /// How many they were when the last pause began; 0 once linear responses have paid again.
+    pub last_pause: u32,
     /// The response at this state, if one is known.
     pub response: Option<StoredResponse<S>>,
 }

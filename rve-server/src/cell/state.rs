@@ -92,8 +92,8 @@ pub struct GrainState<S: Space = Discs> {
 #[derive(Serialize, Deserialize)]
 struct EventPayload<'a, T> {
     balance: i32,
-    rest: u32,
-    last_rest: u32,
+    pause: u32,
+    last_pause: u32,
     frame: T,
     reach: f64,
     #[serde(with = "serde_bytes")]
@@ -166,6 +166,9 @@ pub enum StateError {
     /// Contacts name unknown grains, are out of order, or lack some rolling moments.
     #[error("state with a contact list that is not sound")]
     Contacts,
+    /// A place, rotation, force or measure is not finite, or the cell has no measure.
+    #[error("state with numbers that are not sound")]
+    NotFinite,
     /// An averaged or calibrated operator is not finite.
     #[error("state with an operator that is not sound")]
     Operators,
@@ -175,6 +178,20 @@ pub enum StateError {
 }
 
 impl<S: Space> GrainState<S> {
+    /// Whether all lengths, angles and forces are finite and the cell has a measure.
+    fn is_sound(&self) -> bool {
+        let measure = self.cell.measure();
+        measure.is_finite()
+            && measure > 0.0
+            && self.positions.iter().all(|place| place.is_finite())
+            && self.rotations.iter().all(|rotation| rotation.is_finite())
+            && self.contacts.iter().all(|contact| contact.tangential_force.is_finite())
+            && self.rolling_moments.iter().all(|moment| moment.is_finite())
+            && [self.dissipation, self.damping, self.initial_measure, self.largest_load]
+                .iter()
+                .all(|one| one.is_finite())
+    }
+
     /// The bytes of the state, naming the definition it belongs to.
     pub fn to_bytes(&self, definition: DefinitionId) -> Vec<u8> {
         let mut contacts = Vec::with_capacity(self.contacts.len() * ContactRecord::<S>::SIZE);
@@ -203,8 +220,8 @@ impl<S: Space> GrainState<S> {
             rolling_moments: bytemuck::cast_slice(&self.rolling_moments),
             events: self.events.as_ref().map(|events| EventPayload {
                 balance: events.balance,
-                rest: events.rest,
-                last_rest: events.last_rest,
+                pause: events.pause,
+                last_pause: events.last_pause,
                 frame: response.map_or(S::Tensor::IDENTITY, |response| response.frame),
                 reach: response.map_or(0.0, |response| response.reach),
                 pairs: &pairs,
@@ -250,8 +267,12 @@ impl<S: Space> GrainState<S> {
         }
         let known = |contact: &ContactRecord<S>| (contact.origin.max(contact.end) as usize) < grain_count;
         let moments = [0, state.contacts.len()].contains(&state.rolling_moments.len());
-        if !moments || !state.contacts.iter().all(known) || !state.contacts.is_sorted_by_key(ContactRecord::key) {
+        let ascending = state.contacts.windows(2).all(|pair| pair[0].key() < pair[1].key());
+        if !moments || !state.contacts.iter().all(known) || !ascending {
             return Err(StateError::Contacts);
+        }
+        if !state.is_sound() {
+            return Err(StateError::NotFinite);
         }
         if !state.operators.is_sound() {
             return Err(StateError::Operators);
@@ -316,7 +337,7 @@ fn event_memory<S: Space>(payload: EventPayload<'_, S::Tensor>) -> Result<EventM
         frame: payload.frame,
         reach: payload.reach,
     });
-    Ok(EventMemory { balance: payload.balance, rest: payload.rest, last_rest: payload.last_rest, response })
+    Ok(EventMemory { balance: payload.balance, pause: payload.pause, last_pause: payload.last_pause, response })
 }
 
 /// Refuses bytes that do not hold a whole number of records.
@@ -377,7 +398,7 @@ mod tests {
             frame: [[0.0, -1.0], [1.0, 0.0]],
             reach: 1e-3,
         };
-        let memory = EventMemory { balance: -7, rest: 3, last_rest: 8, response: Some(response) };
+        let memory = EventMemory { balance: -7, pause: 3, last_pause: 8, response: Some(response) };
         let with = GrainState { events: Some(Box::new(memory.clone())), ..state() };
         let bytes = with.to_bytes(id);
         assert!(bytes.len() > plain);
@@ -402,6 +423,15 @@ mod tests {
         let mut unsound = state();
         unsound.contacts[0].end = 5;
         assert_eq!(refused(&unsound.to_bytes(id), id, 2), StateError::Contacts);
+        let mut unsound = state();
+        unsound.contacts.push(unsound.contacts[0]);
+        assert_eq!(refused(&unsound.to_bytes(id), id, 2), StateError::Contacts, "a pair that is there twice");
+        let mut unsound = state();
+        unsound.positions[1][0] = f64::NAN;
+        assert_eq!(refused(&unsound.to_bytes(id), id, 2), StateError::NotFinite);
+        let mut unsound = state();
+        unsound.cell.rows.swap(0, 1);
+        assert_eq!(refused(&unsound.to_bytes(id), id, 2), StateError::NotFinite, "an inverted cell");
     }
 
     #[test]

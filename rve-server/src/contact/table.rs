@@ -72,7 +72,7 @@ pub struct ContactTable {
     pub modulus: Option<f64>,
     /// k_t / k_n.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "-"), range(min = 0.0))]
+    #[schemars(extend("x-unit" = "-"), range(min = 0.0, max = 1000.0))]
     pub stiffness_ratio: Option<f64>,
     /// Grain shear modulus of Hertz-Mindlin contacts.
     #[serde(default)]
@@ -94,9 +94,9 @@ pub struct ContactTable {
     /// elastic force it causes; along a contact that slides, by none. It acts while grains move and on them alone:
     /// none at equilibrium. Where the path matters, the stress differs from that without damping, by about 0.2 % of the pressure
     /// with a friction of 0.3 or 0.5, by 1 % with 0.05. With a damping below 2 cells come to rest in about as many steps as
-    /// without, above in twice as many.
+    /// without, above in twice as many. It is no dashpot constant in N s/m: with hundreds of steps a cell hardly moves.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "steps"), range(min = 0.0))]
+    #[schemars(extend("x-unit" = "steps"), range(min = 0.0, max = 1000.0))]
     pub damping: f64,
     /// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -109,7 +109,7 @@ pub struct RveOptions {
     /// Named accuracy; `strain_per_step` and `tolerance` override its two values.
     pub accuracy: Accuracy,
     /// Largest strain component applied in one ramp step.
-    #[schemars(extend("x-unit" = "-", "x-default" = "by `accuracy`", "exclusiveMinimum" = 0))]
+    #[schemars(extend("x-unit" = "-", "x-default" = "by `accuracy`"), range(min = 1e-10))]
     pub strain_per_step: Option<f64>,
     /// Error of the stress over the pressure that a run keeps to. It chooses the tolerance, and the strain per ramp step from load
     /// step to load step by the estimated error, between 0.4 and twice the value it starts with. Takes the place of

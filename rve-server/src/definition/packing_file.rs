@@ -8,6 +8,7 @@ use super::listed_contact::ListedContact;
 use crate::cell::{ContactRecord, PairKey};
 use crate::space::{Components, Discs, Space, Spheres};
 use serde::{Deserialize, Serialize};
+use std::io::Write;
 use std::path::Path;
 use thiserror::Error;
 
@@ -189,12 +190,17 @@ impl<S: Space> PackingFile<S> {
     /// # Errors
     /// [`PackingError::Io`].
     pub fn write(&self, path: &Path) -> Result<(), PackingError> {
-        let name = path.display().to_string();
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         // A rename is atomic: a reader or a full disk never leaves half a packing under the final name.
-        let partial = path.with_extension("partial");
-        std::fs::write(&partial, self.to_json())
-            .and_then(|()| std::fs::rename(&partial, path))
-            .map_err(|source| PackingError::Io { path: name, source })
+        let draft = path.with_file_name(format!(".{name}.{}.partial", std::process::id()));
+        let written = std::fs::File::create(&draft)
+            .and_then(|mut file| file.write_all(self.to_json().as_bytes()).and_then(|()| file.sync_data()))
+            .and_then(|()| std::fs::rename(&draft, path));
+        written.map_err(|source| {
+            // The first error is the one worth telling.
+            let _ = std::fs::remove_file(&draft);
+            PackingError::Io { path: path.display().to_string(), source }
+        })
     }
 
     /// The JSON text of the file; numbers are written so that they read back to the same bits.

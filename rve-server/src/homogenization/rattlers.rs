@@ -9,7 +9,7 @@ use crate::space::Space;
 
 /// Which contacts bear load.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Bearing {
+pub(crate) enum LoadBearing {
     /// Those whose grains both have two contacts or more.
     WithoutRattlers,
     /// The same of a contact that also holds its grains from buckling, by a rolling spring.
@@ -19,7 +19,7 @@ pub(crate) enum Bearing {
     WithoutRattlersAndChains,
 }
 
-impl Bearing {
+impl LoadBearing {
     /// By the contacts that its grains have left; `is_held`: one of them holds one of the grains.
     fn holds(self, [first, second]: [u32; 2], is_held: bool) -> bool {
         let fewest = first.min(second) >= 2;
@@ -44,13 +44,13 @@ impl Pruned {
     pub(crate) fn of(
         grains: usize,
         ends: impl Iterator<Item = [usize; 2]> + Clone,
-        bearing: impl Fn(usize) -> Bearing,
+        bearing: impl Fn(usize) -> LoadBearing,
     ) -> Self {
         let (mut degree, mut holding) = (vec![0; grains], vec![0; grains]);
         for (number, ends) in ends.clone().enumerate() {
             for grain in ends {
                 degree[grain] += 1;
-                holding[grain] += u32::from(bearing(number) == Bearing::AndHolds);
+                holding[grain] += u32::from(bearing(number) == LoadBearing::AndHolds);
             }
         }
         let mut kept = vec![true; ends.clone().count()];
@@ -63,7 +63,7 @@ impl Pruned {
                     *kept = false;
                     for grain in [first, second] {
                         degree[grain] -= 1;
-                        holding[grain] -= u32::from(rule == Bearing::AndHolds);
+                        holding[grain] -= u32::from(rule == LoadBearing::AndHolds);
                     }
                     changed = true;
                 }
@@ -91,6 +91,6 @@ impl<S: Space> ContactNetwork<S> {
 
     fn without_rattlers(&self) -> Pruned {
         let ends = self.contacts.iter().map(|contact| [contact.origin as usize, contact.end as usize]);
-        Pruned::of(self.positions.len(), ends, |_| Bearing::WithoutRattlers)
+        Pruned::of(self.positions.len(), ends, |_| LoadBearing::WithoutRattlers)
     }
 }

@@ -3,6 +3,7 @@
 use super::compaction::{Compaction, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, content, rows};
 use super::progress::ProgressLog;
 use super::rotation::rotated;
+use super::soft_grains::too_soft_for;
 use super::stress_target::{Matrix, StressTarget, symmetric, turned_in};
 use crate::contact::ContactTable;
 use crate::definition::{AnyDefinition, GrainDefinition, PackingError, PackingFile, RveOptions};
@@ -110,6 +111,9 @@ fn along_axis<S: SolverFor>(
     let answer = GrainRve::<S>::new(&definition).and_then(|mut cell| cell.observe(Observables::NONE));
     let own = symmetric(&rows(&answer.map_err(content)?.stress));
     let end = target::<S>(stress)?;
+    if let Some(reason) = too_soft_for(packing, contact, end.pressure) {
+        return Err(PackingError::Content(reason));
+    }
     let begin = target::<S>(&own).map_err(|error| {
         PackingError::Content(format!(
             "the stress of the packing itself under this contact law cannot be used as the starting stress: {error}; a packing that was \
@@ -227,6 +231,15 @@ mod tests {
             }
             assert!((volume / state_of(&given).1 - 1.0).abs() < 0.02);
         }
+    }
+
+    /// They were pressed into one another by more than a diameter, which the engine refused then.
+    #[test]
+    fn grains_too_soft_for_the_stress_are_refused() {
+        let Err(refused) = cell("discs-100.json", 1e5, 0.0).at_stress(&at_rest(0.5, 1e5)) else {
+            panic!("no packing bears that")
+        };
+        assert!(refused.to_string().contains("would overlap by about"), "{refused}");
     }
 
     /// The same lattice by vectors that lean far, which the first trial describes by shorter ones.

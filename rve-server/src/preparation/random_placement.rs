@@ -27,19 +27,78 @@ pub(crate) fn scattered<S: Space>(recipe: &PackingRecipe) -> Result<PackingFile<
     let mut order: Vec<usize> = (0..radii.len()).collect();
     order.sort_by(|a, b| radii[*b].total_cmp(&radii[*a]));
     let mut random = ChaCha8Rng::seed_from_u64(recipe.seed);
-    let mut placed: Vec<S::Grain> = Vec::with_capacity(radii.len());
+    let mut placed = PlacedGrains::<S>::new(sides, radii.iter().copied().fold(0.0, f64::max));
     for grain in order {
         let radius = radii[grain];
         let place = (0..PLACES_PER_GRAIN)
             .map(|_| S::Vector::from_fn(|axis| sides[axis] * unit_interval(&mut random)))
-            .find(|place| placed.iter().all(|other| !overlap::<S>(sides, *place, radius, other)))
+            .find(|place| placed.leaves_room(*place, radius))
             .ok_or_else(|| {
                 PackingError::Content("the grains do not fit at random; the grading is too wide".into())
             })?;
-        placed.push(S::grain(place, radius));
+        placed.add(S::grain(place, radius));
     }
     let periodicity = S::Tensor::from_fn(|i, j| if i == j { sides[i] } else { 0.0 });
-    Ok(PackingFile { thickness: recipe.thickness, ..PackingFile::<S>::new(periodicity, placed) })
+    Ok(PackingFile { thickness: recipe.thickness, ..PackingFile::<S>::new(periodicity, placed.grains) })
+}
+
+/// Grains in a periodic box, sorted into bins at least as wide as the largest of them.
+struct PlacedGrains<S: Space> {
+    sides: S::Vector,
+    grains: Vec<S::Grain>,
+    /// Bins along each axis; a third one stands for the axis that the plane lacks.
+    counts: [usize; 3],
+    /// Numbers of the grains of each bin.
+    bins: Vec<Vec<usize>>,
+}
+
+impl<S: Space> PlacedGrains<S> {
+    /// Most bins along an axis: more would take memory and find no pair sooner.
+    const MOST_BINS: f64 = 128.0;
+
+    fn new(sides: S::Vector, largest_radius: f64) -> Self {
+        let along = |axis: usize| (sides[axis] / (2.0 * largest_radius)).floor().clamp(1.0, Self::MOST_BINS) as usize;
+        let counts = std::array::from_fn(|axis| if axis < S::DIMENSION { along(axis) } else { 1 });
+        Self { sides, grains: Vec::new(), counts, bins: vec![Vec::new(); counts.iter().product()] }
+    }
+
+    /// Bin along each axis of a place in the box.
+    fn bin(&self, place: S::Vector) -> [usize; 3] {
+        std::array::from_fn(|axis| {
+            if axis >= S::DIMENSION {
+                return 0;
+            }
+            let count = self.counts[axis];
+            ((place[axis] / self.sides[axis] * count as f64) as usize).min(count - 1)
+        })
+    }
+
+    /// Whether a grain overlaps none that has been placed.
+    fn leaves_room(&self, place: S::Vector, radius: f64) -> bool {
+        let bin = self.bin(place);
+        let near = |axis: usize| {
+            let (count, own) = (self.counts[axis], bin[axis]);
+            // With up to three bins all of them are near, each once.
+            if count <= 3 { (0, count) } else { (own + count - 1, 3) }
+        };
+        let [(x, along_x), (y, along_y), (z, along_z)] = [near(0), near(1), near(2)];
+        let [count_x, count_y, count_z] = self.counts;
+        (0..along_x).all(|i| {
+            (0..along_y).all(|j| {
+                (0..along_z).all(|k| {
+                    let bin = ((x + i) % count_x * count_y + (y + j) % count_y) * count_z + (z + k) % count_z;
+                    self.bins[bin].iter().all(|&other| !overlap::<S>(self.sides, place, radius, &self.grains[other]))
+                })
+            })
+        })
+    }
+
+    fn add(&mut self, grain: S::Grain) {
+        let [x, y, z] = self.bin(S::Vector::from_fn(|axis| grain[axis]));
+        let [_, count_y, count_z] = self.counts;
+        self.bins[(x * count_y + y) * count_z + z].push(self.grains.len());
+        self.grains.push(grain);
+    }
 }
 
 /// `count` different numbers below `number`, ascending.
@@ -72,6 +131,34 @@ fn unit_interval(random: &mut ChaCha8Rng) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::{Discs, Spheres};
+
+    /// Bins find what a look at all grains finds, whatever their number along an axis.
+    fn bins_find_all_overlaps<S: Space>() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let mut refused = 0;
+        for widths in [[0.9, 0.9, 0.9], [2.5, 1.0, 4.1], [7.3, 3.4, 2.2]] {
+            let sides = S::Vector::from_fn(|axis| widths[axis]);
+            let mut placed = PlacedGrains::<S>::new(sides, 0.2);
+            for _ in 0..400 {
+                let place = S::Vector::from_fn(|axis| sides[axis] * unit_interval(&mut random));
+                let radius = 0.02 + 0.18 * unit_interval(&mut random);
+                let has_room = placed.grains.iter().all(|other| !overlap::<S>(sides, place, radius, other));
+                assert_eq!(placed.leaves_room(place, radius), has_room, "{place:?}");
+                refused += usize::from(!has_room);
+                if has_room {
+                    placed.add(S::grain(place, radius));
+                }
+            }
+        }
+        assert!(refused > 100, "{refused}");
+    }
+
+    #[test]
+    fn bins_find_all_overlaps_of_discs_and_spheres() {
+        bins_find_all_overlaps::<Discs>();
+        bins_find_all_overlaps::<Spheres>();
+    }
 
     #[test]
     fn chosen_numbers_differ_and_repeat_with_their_seed() {

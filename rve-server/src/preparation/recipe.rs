@@ -139,6 +139,7 @@ pub struct Removal {
     #[schemars(range(min = 1))]
     pub number: usize,
     /// Seed of their choice.
+    #[schemars(range(max = 9_223_372_036_854_775_807_i64))]
     pub seed: u64,
 }
 

@@ -1,7 +1,9 @@
 //! Grains that are too soft for the pressure of their recipe, told before the first step.
 
 use super::recipe::PackingRecipe;
-use crate::contact::{HertzSprings, LawName, Springs};
+use crate::contact::{ContactTable, HertzSprings, LawName, Springs};
+use crate::definition::PackingFile;
+use crate::space::Space;
 
 /// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two and a half.
 const LARGEST_OVERLAP: f64 = 0.25;
@@ -37,17 +39,38 @@ pub fn soft_grains(recipe: &PackingRecipe) -> Option<SoftGrains> {
     Some(SoftGrains { problem, remedy })
 }
 
-/// Overlap over diameter at a contact that carries its share of the pressure; `None` where the recipe says no pressure.
+/// Why the grains of a packing are too soft to be brought to a pressure (Pa), in one sentence with its remedy.
+pub(super) fn too_soft_for<S: Space>(
+    packing: &PackingFile<S>,
+    contact: &ContactTable,
+    pressure: f64,
+) -> Option<String> {
+    let radii = packing.grains.iter().map(S::radius);
+    let diameter = 2.0 * radii.sum::<f64>() / packing.grains.len() as f64;
+    let depth = if S::DIMENSION == 2 { packing.thickness } else { diameter };
+    let overlap = overlap_under(contact, pressure, diameter, depth).filter(|overlap| *overlap > LARGEST_OVERLAP)?;
+    Some(format!(
+        "its grains would overlap by about {overlap:.2} of a diameter under this pressure (a packing may have 0.1); give contact a larger stiffness, or a \
+         plane packing the thickness of a mean diameter"
+    ))
+}
+
+/// Overlap over diameter of the grains of a recipe; `None` where it says no pressure.
 fn expected_overlap(recipe: &PackingRecipe) -> Option<f64> {
     let target = recipe.stress_target().ok()?;
     let diameter = mean_diameter(recipe);
     let depth = if recipe.dimension == 2 { recipe.thickness } else { diameter };
-    let force = target.pressure * depth * diameter;
+    overlap_under(&recipe.contact, target.pressure, diameter, depth)
+}
+
+/// Overlap over diameter at a contact that carries its share of a pressure (Pa) over a diameter and a depth, m.
+fn overlap_under(contact: &ContactTable, pressure: f64, diameter: f64, depth: f64) -> Option<f64> {
+    let force = pressure * depth * diameter;
     let radii = [0.5 * diameter; 2];
-    let overlap = match recipe.contact.law {
-        LawName::Linear => force / recipe.contact.normal().ok()?.of(radii[0], radii[1]),
+    let overlap = match contact.law {
+        LawName::Linear => force / contact.normal().ok()?.of(radii[0], radii[1]),
         LawName::HertzMindlin => {
-            let (shear_modulus, poisson_ratio) = (recipe.contact.shear_modulus?, recipe.contact.poisson_ratio?);
+            let (shear_modulus, poisson_ratio) = (contact.shear_modulus?, contact.poisson_ratio?);
             let [coefficient, _] = HertzSprings { shear_modulus, poisson_ratio }.coefficients(radii);
             (force / coefficient).powf(2.0 / 3.0)
         }

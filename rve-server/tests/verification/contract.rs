@@ -193,7 +193,7 @@ fn a_snapshot_holds_the_rotations_of_the_grains() {
     cell.snapshot(&mut bytes);
     let mut other = GrainRve::<Discs>::from_protocol(&definition).unwrap();
     other.restore(&bytes).unwrap();
-    let picture = other.picture().unwrap();
+    let picture = other.picture(0.0).unwrap();
     assert_eq!((picture.centres.len(), picture.radii.len(), picture.rotations.len()), (100, 100, 100));
     let mean = picture.rotations.iter().map(|rotation| rotation[2]).sum::<f64>() / 100.0;
     assert!(

@@ -254,7 +254,8 @@ impl Document {
             );
         }
         let is_twice = message.starts_with("duplicate key");
-        let error = match error.span() {
+        let span = error.span();
+        let error = match span.clone() {
             Some(span) => self.error_at(span, message),
             None => self.error(message),
         };
@@ -262,9 +263,23 @@ impl Document {
             error.hint(
                 "write each key and each [table] once; entries of a list have double brackets, as in [[boundary]]",
             )
+        } else if span.is_some_and(|span| self.has_decimal_comma(&span)) {
+            error.hint("numbers have a decimal point, as in 0.45")
         } else {
             error
         }
+    }
+
+    /// Whether the line of a byte range has a value like `0,45`.
+    fn has_decimal_comma(&self, span: &Range<usize>) -> bool {
+        let before = &self.text[..self.text.floor_char_boundary(span.start.min(self.text.len()))];
+        let line = self.text.lines().nth(before.matches('\n').count()).unwrap_or_default();
+        let value = line.split_once('=').map_or("", |(_, value)| value.trim());
+        let is_number = |text: &str| !text.is_empty() && text.chars().all(|sign| sign.is_ascii_digit());
+        let is_fraction = |text: &str| is_number(text.split(['e', 'E', ' ', '#']).next().unwrap_or_default());
+        value
+            .split_once(',')
+            .is_some_and(|(whole, rest)| is_number(whole.trim_start_matches(['-', '+'])) && is_fraction(rest))
     }
 
     /// Name of the place of a byte range, and the line to show.

@@ -152,7 +152,7 @@ fn base(
 ) -> Result<Stage, InputError> {
     let mut stage = Stage::new(ONLY, Vec::new());
     // Tolerances of other criteria mean something else.
-    if procedure == ProcedureKeyword::Implicit
+    if procedure != ProcedureKeyword::Dynamic
         && !file.solver.has("criteria")
         && !own.is_some_and(|solver| solver.has("criteria"))
         && let Some(error) = given.error

@@ -49,7 +49,8 @@ pub(crate) enum Generator {
     /// `bottom`, `top` and its parts `footing`, `surface`.
     Footing,
     /// Sections width along x, soil below the wall and the wall along y; side sets `left` and its parts `wall`, `below`,
-    /// `right`, `bottom`, `top`. Nodes at the foot of the wall are in `wall`, not in `below`.
+    /// `right`, `bottom`, `top`. Nodes at the foot of the wall are in `wall`, not in `below`: the reaction of `wall` holds the share that they
+    /// take of the element below, about a sixth of its height times the horizontal stress there with `q8`. Lower elements make it smaller.
     Wall,
     /// A quarter, half or whole ring about the origin. `size` is inner and outer radius, `elements` counts outwards and around;
     /// side sets `inner`, `outer`, the ends `bottom` (on the x axis) and of a quarter `left` (on the y axis); node sets `axis_x`,

@@ -39,6 +39,7 @@ pub(crate) struct RegionTable {
     pub(crate) contact: Option<ContactTable>,
     /// Seed of the random choice. Required if there are several packings or rotations: every packing in every rotation then gets
     /// the same share of the points. Equal seeds give equal materials.
+    #[schemars(range(max = 9_223_372_036_854_775_807_i64))]
     pub(crate) seed: Option<u64>,
     /// Whether Gauss points are sampled independently or element by element.
     #[serde(default)]

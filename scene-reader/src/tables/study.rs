@@ -20,6 +20,7 @@ pub(crate) struct StudyFile {
     pub(crate) seeds: u32,
     /// Seed of the first packing.
     #[serde(default = "first")]
+    #[schemars(range(max = 9_223_372_036_854_775_807_i64))]
     pub(crate) first_seed: u64,
     /// Sizes: numbers of grains, in ascending order.
     #[schemars(extend("x-default" = "that of each recipe"))]

@@ -1,6 +1,6 @@
 //! `cells/*.json`: the grains of Gauss points for the page, those of any point on request and those of all points at the end.
 
-use super::grains::{Renderer, Snapshots, renderer};
+use super::grains::{CommittedCell, Renderer, Snapshots, renderer};
 use macro_solver::material::PointId;
 use macro_solver::observer::StopRequest;
 use macro_solver::output::{OutputError, write_without_flush};
@@ -11,7 +11,6 @@ use rve_server::homogenization::picture::CellPicture;
 use scene_reader::Materials;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::{fs, io};
 use thiserror::Error;
 
@@ -41,7 +40,7 @@ pub(super) struct CellWriter<'a> {
     materials: &'a Materials,
     snapshots: Snapshots,
     /// Snapshots of all points after the last accepted step, and the step.
-    accepted: Option<(u64, BTreeMap<PointId, Arc<[u8]>>)>,
+    accepted: Option<(u64, BTreeMap<PointId, CommittedCell>)>,
     /// Step and snapshots that a continued run starts from: its last accepted step until it accepts one itself. A run that
     /// was killed after its last step accepts none.
     continued: Option<(u64, Snapshots)>,
@@ -102,7 +101,7 @@ impl<'a> CellWriter<'a> {
 
     fn try_write(&mut self, point: PointId) -> Result<(), CellError> {
         let Some((step, states)) = &self.accepted else { return Err(CellError::NoStep) };
-        let Some(snapshot) = states.get(&point) else {
+        let Some(committed) = states.get(&point) else {
             return Err(CellError::NoState);
         };
         let definition = self.materials.made_of[point];
@@ -110,7 +109,7 @@ impl<'a> CellWriter<'a> {
             let made = renderer(&self.materials.definitions[definition])?;
             self.renderers.insert(definition, made);
         }
-        let picture = self.renderers[&definition].picture(snapshot)?;
+        let picture = self.renderers[&definition].picture(committed)?;
         let folder = self.folder.join(FOLDER);
         fs::create_dir_all(&folder)?;
         let text = cell(point, *step, &picture).to_json().to_string();

@@ -111,7 +111,13 @@ pub(super) fn closing_lines(
     ];
     if let Some(cells) = summary.prepared.get("cells") {
         let smaller = summary.prepared.get("in_smaller_steps").copied().unwrap_or(0);
-        lines.push(("initial stress", format!("{cells} cells brought to it, {smaller} of them in smaller steps")));
+        let seconds = summary.time.preparation_s;
+        lines.push((
+            "initial stress",
+            format!(
+                "{cells} cells brought to it before the run in {seconds:.1} s, {smaller} of them in smaller steps"
+            ),
+        ));
     }
     lines.push(("warnings", warnings(summary, !starts_in_motion && !run.has_no_start())));
     lines.push(match listed(&summary.fallback_groups, Concern::Harmless) {

@@ -28,16 +28,16 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engi
         Outcome::DidNotConverge { reason } => {
             let text = match no_start(scene, run) {
                 Some(explained) => {
-                    format!("the run found no equilibrium to start from{stage}: {reason}\n{explained}")
+                    format!("the run found no equilibrium at the start{stage}: {reason}\n{explained}")
                 }
                 None if run.has_no_start() && is_nearly_balanced(scene, run) => format!(
-                    "the run found no equilibrium to start from{stage}: {reason}\nhint: the body is given in balance to {:.1e} of the loads, \
+                    "the run found no equilibrium at the start{stage}: {reason}\nhint: the body is given in balance to {:.1e} of the loads, \
                      which is little, but not to solver.force_tolerance: cells are brought to rest no closer than their own tolerance; take a \
                      larger solver.force_tolerance, or another solver.strategy",
                     run.statistics.initial_imbalance
                 ),
                 None if run.has_no_start() => format!(
-                    "the run found no equilibrium to start from{stage}: {reason}\nhint: the loads that act from the start are more than the \
+                    "the run found no equilibrium at the start{stage}: {reason}\nhint: the loads that act from the start are more than the \
                      body bears as it is given, or its supports do not hold it; {}",
                     start_state::remedy(scene)
                 ),

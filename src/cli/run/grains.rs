@@ -26,8 +26,20 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Committed snapshots of the chosen points; an empty one stands for the packing as given.
-pub(super) type Snapshots = Rc<RefCell<BTreeMap<PointId, Arc<[u8]>>>>;
+/// The committed cell of a point.
+#[derive(Clone, Debug)]
+pub(super) struct CommittedCell {
+    /// Its snapshot; an empty one stands for the packing as given.
+    pub snapshot: Arc<[u8]>,
+    /// Share by which its friction is below that of its definition.
+    pub friction_reduction: f64,
+}
+
+/// Committed cells of the chosen points.
+pub(super) type Snapshots = Rc<RefCell<BTreeMap<PointId, CommittedCell>>>;
+
+/// Shares by which friction is reduced, by point; 0 at points that are not in it.
+type FrictionReductions = BTreeMap<PointId, f64>;
 
 /// Forwards everything to the pool and records snapshots.
 pub(super) struct SnapshotRecorder<'a, P: MacroPort> {
@@ -36,14 +48,25 @@ pub(super) struct SnapshotRecorder<'a, P: MacroPort> {
     snapshots: Snapshots,
     /// Those of the checkpoint that the run continues from.
     restored: Snapshots,
+    /// Friction of the latest trials, of the committed ones and of those at the mark.
+    tried: FrictionReductions,
+    committed: FrictionReductions,
+    marked: FrictionReductions,
 }
 
 impl<'a, P: MacroPort> SnapshotRecorder<'a, P> {
     /// A recorder for these points, in ascending order, and the snapshots that it records.
     pub(super) fn new(pool: &'a mut Pool<P>, points: &[PointId]) -> (Self, Snapshots) {
         let snapshots = Snapshots::default();
-        let recorder =
-            Self { pool, points: points.to_vec(), snapshots: Rc::clone(&snapshots), restored: Snapshots::default() };
+        let recorder = Self {
+            pool,
+            points: points.to_vec(),
+            snapshots: Rc::clone(&snapshots),
+            restored: Snapshots::default(),
+            tried: FrictionReductions::new(),
+            committed: FrictionReductions::new(),
+            marked: FrictionReductions::new(),
+        };
         recorder.record();
         (recorder, snapshots)
     }
@@ -56,50 +79,78 @@ impl<'a, P: MacroPort> SnapshotRecorder<'a, P> {
     fn record(&self) {
         let mut snapshots = self.snapshots.borrow_mut();
         for &point in &self.points {
-            snapshots.insert(point, Arc::clone(&self.pool.committed_snapshot(point).1.bytes));
+            let snapshot = Arc::clone(&self.pool.committed_snapshot(point).1.bytes);
+            let friction_reduction = self.committed.get(&point).copied().unwrap_or(0.0);
+            snapshots.insert(point, CommittedCell { snapshot, friction_reduction });
         }
     }
 }
 
 impl<P: MacroPort> PointMaterial for SnapshotRecorder<'_, P> {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
+        for trial in trials {
+            if trial.options.friction_reduction == 0.0 {
+                self.tried.remove(&trial.point);
+            } else {
+                self.tried.insert(trial.point, trial.options.friction_reduction);
+            }
+        }
         self.pool.evaluate(trials)
     }
 
     fn commit(&mut self) -> Result<(), MaterialError> {
         self.pool.commit()?;
+        self.committed.clone_from(&self.tried);
         self.record();
         Ok(())
     }
 
     fn rollback(&mut self) {
         self.pool.rollback();
+        self.tried.clone_from(&self.committed);
     }
 
     fn mark(&mut self) {
         self.pool.mark();
+        self.marked.clone_from(&self.committed);
     }
 
     fn return_to_mark(&mut self) {
         self.pool.return_to_mark();
+        self.committed.clone_from(&self.marked);
+        self.tried.clone_from(&self.marked);
         self.record();
     }
 
     fn copy_state(&mut self, from: PointId, to: PointId) {
         self.pool.copy_state(from, to);
+        for reductions in [&mut self.tried, &mut self.committed] {
+            match reductions.get(&from).copied() {
+                Some(reduction) => reductions.insert(to, reduction),
+                None => reductions.remove(&to),
+            };
+        }
     }
 
     fn save(&self, archive: &mut Archive) {
         self.pool.save(archive);
+        if !self.committed.is_empty() {
+            archive.put(FRICTION, 1, &self.committed);
+        }
     }
 
     fn restore(&mut self, archive: &Archive) -> Result<(), CheckpointError> {
         self.pool.restore(archive)?;
+        self.committed = if archive.holds(FRICTION) { archive.get(FRICTION, 1)? } else { FrictionReductions::new() };
+        self.tried.clone_from(&self.committed);
         self.record();
         self.restored.borrow_mut().clone_from(&self.snapshots.borrow());
         Ok(())
     }
 }
+
+/// The section of friction that differs from that of the definitions, which is there only where some does.
+const FRICTION: &str = "friction_of_grains";
 
 /// Writes the grains of the chosen points.
 pub(super) struct GrainWriter {
@@ -146,11 +197,11 @@ impl GrainWriter {
     fn write(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         let snapshots = self.snapshots.borrow();
         for &point in &self.chosen {
-            let Some(snapshot) = snapshots.get(&point) else { continue };
+            let Some(cell) = snapshots.get(&point) else { continue };
             let names = WHAT.map(|what| format!("{what}-{point:04}-step-{:04}.vtp", report.step));
             if let (Some(renderer), Some(state)) = (self.renderers.get(&point), fields.points.get(point)) {
                 let start = self.reference.of(point, &state.deformation);
-                let (picture, fluctuation) = renderer.draw(start, snapshot)?;
+                let (picture, fluctuation) = renderer.draw(start, cell)?;
                 let fluctuation = fluctuation.map(|all| Field::vector("displacement_fluctuation", &all));
                 write_grains(&self.folder.join(&names[0]), &picture, fluctuation.into_iter().collect())
                     .map_err(stop)?;
@@ -210,8 +261,8 @@ impl Reference {
         if self.stage == Some(report.stage + 1) {
             let snapshots = snapshots.borrow();
             for &point in chosen {
-                if let (Some(snapshot), Some(state)) = (snapshots.get(&point), fields.points.get(point)) {
-                    self.latest.insert(point, (snapshot.to_vec(), state.deformation));
+                if let (Some(cell), Some(state)) = (snapshots.get(&point), fields.points.get(point)) {
+                    self.latest.insert(point, (cell.snapshot.to_vec(), state.deformation));
                 }
             }
         }
@@ -269,15 +320,15 @@ fn stop(reason: impl ToString) -> StopRequest {
 /// A picture, and displacement fluctuations.
 pub(super) type Drawn = (CellPicture, Option<Vec<[f64; 3]>>);
 
-/// Draws the grains of a snapshot, whatever their dimension.
+/// Draws the grains of a committed cell, whatever their dimension.
 pub(super) trait Renderer {
-    /// Grains and contacts of a snapshot; an empty one stands for the packing as given.
-    fn picture(&self, snapshot: &[u8]) -> Result<CellPicture, StopRequest>;
+    /// Grains and contacts of a cell.
+    fn picture(&self, cell: &CommittedCell) -> Result<CellPicture, StopRequest>;
 
-    /// Grains and contacts of a snapshot, and what each grain has been displaced in addition to the deformation of its cell, m, since
+    /// Grains and contacts of a cell, and what each grain has been displaced in addition to the deformation of its cell, m, since
     /// the snapshot of `start`, whose second part is about the deformation gradient of the cell since then. Empty snapshots stand for the
     /// packing as given; without `start` there are no displacements.
-    fn draw(&self, start: Option<(&[u8], Tensor2)>, snapshot: &[u8]) -> Result<Drawn, StopRequest>;
+    fn draw(&self, start: Option<(&[u8], Tensor2)>, end: &CommittedCell) -> Result<Drawn, StopRequest>;
 }
 
 /// A renderer of the cells of a definition.
@@ -310,13 +361,13 @@ impl<S: SolverFor> CellRenderer<S> {
 }
 
 impl<S: SolverFor> Renderer for CellRenderer<S> {
-    fn picture(&self, snapshot: &[u8]) -> Result<CellPicture, StopRequest> {
-        self.cell(snapshot)?.picture().map_err(stop)
+    fn picture(&self, cell: &CommittedCell) -> Result<CellPicture, StopRequest> {
+        self.cell(&cell.snapshot)?.picture(cell.friction_reduction).map_err(stop)
     }
 
-    fn draw(&self, start: Option<(&[u8], Tensor2)>, snapshot: &[u8]) -> Result<Drawn, StopRequest> {
-        let mut cell = self.cell(snapshot)?;
-        let picture = cell.picture().map_err(stop)?;
+    fn draw(&self, start: Option<(&[u8], Tensor2)>, end: &CommittedCell) -> Result<Drawn, StopRequest> {
+        let mut cell = self.cell(&end.snapshot)?;
+        let picture = cell.picture(end.friction_reduction).map_err(stop)?;
         let Some((start, deformation)) = start else { return Ok((picture, None)) };
         let deformation = S::Tensor::from_fn(|i, j| deformation.get(i, j));
         let start = self.cell(start)?;

@@ -12,7 +12,7 @@ use crate::workers::{RunProgress, SignalWatch, StatusFile, allow_open_files_for}
 use grain_pool::processes::{LaunchPlan, WorkerGroups, WorkerProcesses, channel_limits, most_workers, run_name};
 use macro_solver::material::MaterialError;
 use macro_solver::material::error_estimate::{SamplePlan, sample};
-use macro_solver::pool::{Interrupt, JoiningWorkers, Outlook, Pool, PoolSettings, WorkerSupply};
+use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, SupplyStatus, WorkerSupply};
 use protocol::transport::MacroPort;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
 use scene_reader::Scene;
@@ -219,9 +219,9 @@ impl WorkerSupply for Welcoming {
         self.0.left(pid, had_answered);
     }
 
-    fn tend(&mut self) -> Outlook {
+    fn tend(&mut self) -> SupplyStatus {
         match self.0.tend() {
-            Outlook::Exhausted(_) => Outlook::Expected { check_again: Duration::from_secs(1) },
+            SupplyStatus::Exhausted(_) => SupplyStatus::Expected { check_again: Duration::from_secs(1) },
             expected => expected,
         }
     }

@@ -41,6 +41,9 @@ pub(super) fn prepare_cells(
     }
     let (cells, [lowest, highest], seconds) =
         (planned.cells, planned.vertical_pressure, begun.elapsed().as_secs_f64());
+    if let Some(prepared) = &mut scene.prepared {
+        prepared.seconds = seconds;
+    }
     if !quiet {
         tell(format_args!(
             "{cells} cells brought to vertical pressures of {lowest:.3e} to {highest:.3e} Pa in {seconds:.1} s"

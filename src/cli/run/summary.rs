@@ -22,7 +22,7 @@ pub(super) struct SummaryInputs {
     pub(super) gauss_points: usize,
     /// Why the run did not reach its end.
     pub(super) reason: Option<String>,
-    /// Workers requested.
+    /// Workers of the run.
     pub(super) workers: usize,
     /// Wall time from the first worker's start to the end of the last step, s.
     pub(super) wall_s: f64,
@@ -110,6 +110,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         deprecated_names: DEPRECATED_NAMES.into_iter().map(deprecated).collect(),
         time: TimeShares {
             wall_s: inputs.wall_s,
+            preparation_s: inputs.prepared.map_or(0.0, |prepared| prepared.seconds),
             rve_s: pool.rve_s,
             tangent_s: pool.tangent_s,
             transport_s: pool.transport_s,

@@ -70,7 +70,7 @@ pub(crate) struct Arguments {
     /// Put units into the header: `sigma_xx [Pa]`
     #[arg(long)]
     units: bool,
-    /// Print nothing on standard error
+    /// Print nothing on standard error but warnings and errors
     #[arg(long)]
     quiet: bool,
 }

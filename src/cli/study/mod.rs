@@ -58,7 +58,7 @@ pub(crate) struct Arguments {
     /// Packings that are made and tested at the same time [default: one per core]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
-    /// Print nothing on standard error
+    /// Print nothing on standard error but warnings and errors
     #[arg(long)]
     quiet: bool,
 }

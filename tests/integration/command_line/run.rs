@@ -436,7 +436,7 @@ fn a_run_that_finds_no_start_says_what_the_packing_carries_and_the_report_shows_
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{stderr}");
     for part in [
-        "found no equilibrium to start from",
+        "found no equilibrium at the start",
         "step 0 found no equilibrium",
         "the packing has the stress xx -1.000e5",
         "-1.000e5 Pa on right",

@@ -226,7 +226,7 @@ fn specimens_that_are_not_sound_are_refused() {
         ("stage.0.steps=0", "stage.0.steps must be at least 1, not 0"),
         ("motion.safety=1.5", "motion.safety = 1.5 must lie between 0 and 1"),
         ("tiles=[1]", "needs 2 whole numbers"),
-        ("contact.damping=-1.0", "contact.damping must be at least 0, not -1"),
+        ("contact.damping=-1.0", "contact.damping must be at least 0 and at most 1000, not -1"),
         ("stage.1.shear={xy=0.1}", "set walls.friction, or glue = [\"y\"]"),
         ("region=[{from=[0.0, 0.0], to=[1.0, 1.0], share=2.0}]", "share = 2 must be above 0 and at most 1"),
         ("region=[{from=[0.0, 0.0], to=[0.1, 0.1], number=400}]", "400 grains are to be removed, but the box holds"),

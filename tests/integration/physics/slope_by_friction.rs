@@ -103,3 +103,45 @@ fn an_engine_that_cannot_change_friction_refuses_the_scene() {
     assert!(said.contains("cannot change the friction") && said.contains("[[friction]]"), "{said}");
     assert!(!folder.path().join("out").exists());
 }
+
+/// Pictures of grains show which contacts slide at the friction that the point has then, as the column of the engine does. They compared with the
+/// friction of the file, and nothing slid.
+#[test]
+fn grains_with_reduced_friction_slide_in_pictures_as_in_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let settings = [
+        "stage.1.friction.0.factor=0.7",
+        "stage.1.loading.increments=6",
+        "output.observables=['sliding_fraction']",
+        "output.points=[5]",
+        "output.grains=[5]",
+        "output.fields_every=1",
+    ];
+    let ran = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args([
+            "run",
+            "scenes/geotechnics/slope-friction.toml",
+            "--size",
+            "small",
+            "--workers",
+            "1",
+            "--quiet",
+            "--out",
+        ])
+        .arg(&out)
+        .args(settings.iter().flat_map(|setting| ["--set", setting]))
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let table = fs::read_to_string(out.join("points/point-0005.csv")).unwrap();
+    let [fraction] = *columns(&table, ["sliding_fraction"]).last().unwrap();
+    let cell: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("cells/point-0005.json")).unwrap()).unwrap();
+    let contacts = cell["contacts"].as_array().unwrap();
+    let slides = |contact: &serde_json::Value| contact.as_array().unwrap().last().unwrap() == 1;
+    let sliding = contacts.iter().filter(|contact| slides(contact)).count();
+    assert!(sliding > 3, "{sliding} of {}", contacts.len());
+    assert!((fraction - sliding as f64 / contacts.len() as f64).abs() < 1e-12, "{fraction}, {sliding}");
+}

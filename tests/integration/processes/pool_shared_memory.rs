@@ -3,7 +3,7 @@
 
 use crate::harness::{Site, Watched, eventually, lives, signal};
 use macro_solver::material::{MaterialError, PointMaterial, PointTrial};
-use macro_solver::pool::{HangPolicy, Interrupt, JoiningWorkers, Outlook, Pool, PoolSettings, WorkerSupply};
+use macro_solver::pool::{HangPolicy, Interrupt, JoiningWorkers, Pool, PoolSettings, SupplyStatus, WorkerSupply};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::shared_memory::{ChannelLimits, SharedMemoryMacroPort, SharedMemoryWorkerPort};
 use protocol::transport::{WorkerEvent, WorkerPort};
@@ -88,11 +88,11 @@ impl WorkerSupply for NoReplacement {
         self.lost = true;
     }
 
-    fn tend(&mut self) -> Outlook {
+    fn tend(&mut self) -> SupplyStatus {
         if self.lost {
-            return Outlook::Exhausted("nobody is replaced".into());
+            return SupplyStatus::Exhausted("nobody is replaced".into());
         }
-        Outlook::Expected { check_again: Duration::from_secs(10) }
+        SupplyStatus::Expected { check_again: Duration::from_secs(10) }
     }
 
     fn restarts(&self) -> u64 {

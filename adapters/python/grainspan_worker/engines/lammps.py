@@ -283,7 +283,7 @@ class LammpsRve(OpaqueStateRve):
         normal, tangential = numpy.abs(rows[:, 0]), numpy.abs(rows[:, 5])
         if ask.wants("sliding_fraction") and len(rows):
             observed["sliding_fraction"] = float((tangential >= (1.0 - 1e-3) * made_of.friction * normal).mean())
-        if ask.wants("energy") and len(rows):
+        if ask.wants("elastic_energy") and len(rows):
             stiffness = made_of.normal_stiffness(first, second)
             stored = 0.5 * normal**2 / stiffness
             if made_of.stiffness_ratio > 0.0:

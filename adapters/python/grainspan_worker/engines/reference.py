@@ -141,13 +141,13 @@ class ReferenceRve(Rve):
             observed["fabric"], observed["fabric_anisotropy"] = fabric, anisotropy(fabric)
         if ask.wants("sliding_fraction") and touching:
             observed["sliding_fraction"] = float(motion.at_limit().mean())
-        if ask.wants("energy"):
+        if ask.wants("elastic_energy"):
             volume = area * self.thickness
             observed["elastic_energy"] = motion.elastic_energy() / volume
             observed["frictional_dissipation"] = motion.dissipation / volume
-        if ask.wants("rotation"):
+        if ask.wants("mean_rotation"):
             observed["mean_rotation"] = motion.angles.mean()
-        if ask.wants("coordination_no_rattlers"):
+        if ask.wants("coordination_number_no_rattlers"):
             alive, kept = lasting(count, motion.origin, motion.end)
             observed["coordination_number_no_rattlers"] = 2.0 * kept.sum() / max(1, alive.sum())
         return Answer(

@@ -203,7 +203,7 @@ class YadeRve(OpaqueStateRve):
             held = made_of.friction * (1.0 - 1e-3)
             sliding = [contact.phys.shearForce.norm() >= held * contact.phys.normalForce.norm() for contact in contacts]
             observed["sliding_fraction"] = sum(sliding) / len(sliding)
-        if ask.wants("energy"):
+        if ask.wants("elastic_energy"):
             stored = 0.0
             for contact in contacts:
                 physics = contact.phys
@@ -211,7 +211,7 @@ class YadeRve(OpaqueStateRve):
                 if physics.ks > 0.0:
                     stored += 0.5 * physics.shearForce.squaredNorm() / physics.ks
             observed["elastic_energy"] = stored / (area * made_of.thickness)
-        if ask.wants("rotation"):
+        if ask.wants("mean_rotation"):
             turns = [body.state.rot()[2] for body in omega.bodies]
             observed["mean_rotation"] = sum(turns) / len(turns) + frame.angle
         return Answer(

@@ -121,7 +121,7 @@ pub struct ErrorEstimator<'a> {
     estimate: Option<ErrorEstimate>,
     figures: ReplicaFigures,
     /// What a step may return to: states of the replicas, the estimate, strains.
-    marked: (Vec<State>, Option<ErrorEstimate>, Strains),
+    marked: (Vec<State>, Option<ErrorEstimate>, Strains, u64),
 }
 
 impl<'a> ErrorEstimator<'a> {
@@ -373,12 +373,14 @@ impl PointMaterial for ErrorEstimator<'_> {
 
     fn mark(&mut self) {
         let states = self.replicas.iter().map(|replica| replica.state.clone()).collect();
-        self.marked = (states, self.estimate, self.strains.clone());
+        self.marked = (states, self.estimate, self.strains.clone(), self.figures.lost);
         self.material.mark();
     }
 
     fn return_to_mark(&mut self) {
-        let (states, estimate, strains) = &self.marked;
+        let (states, estimate, strains, lost) = &self.marked;
+        // Those lost since then follow their points again.
+        self.figures.lost = *lost;
         for (replica, state) in self.replicas.iter_mut().zip(states) {
             (replica.state, replica.latest) = (state.clone(), None);
         }

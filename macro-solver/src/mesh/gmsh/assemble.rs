@@ -2,7 +2,7 @@
 
 use super::parse::{Content, RawElement};
 use super::{ElementKind, GmshError, Mesh};
-use crate::mesh::{Dimension, Side};
+use crate::mesh::{Dimension, MeshError, MeshPlace, Side};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Shapes of points and edges that Gmsh numbers: number, dimension, nodes. Those of elements are in the definitions of the kinds.
@@ -75,7 +75,26 @@ pub(super) fn mesh(content: Content, preferred: Option<ElementKind>) -> Result<M
         return Err(part_named_all(&content));
     }
     mesh.node_sets.entry("all".to_owned()).or_insert_with(|| (0..mesh.nodes.len()).collect());
+    let solid: Vec<&RawElement> =
+        content.elements.iter().filter(|element| dimension_of(element) == highest).collect();
+    mesh.validate().map_err(|error| in_the_file(error, &solid, &content))?;
     Ok(mesh)
+}
+
+/// A defect of the mesh where the file has it, with the numbers that Gmsh shows.
+fn in_the_file(error: MeshError, elements: &[&RawElement], content: &Content) -> GmshError {
+    let tags: Vec<u64> = content.nodes.keys().copied().collect();
+    let line = match error.place() {
+        MeshPlace::Element(element) => elements.get(element).map(|element| element.line),
+        MeshPlace::Node(node) => tags.get(node).and_then(|tag| content.node_lines.get(tag)).copied(),
+        MeshPlace::Mesh => None,
+    };
+    let number = |tag: Option<u64>, place: usize| tag.and_then(|tag| usize::try_from(tag).ok()).unwrap_or(place);
+    let problem = error.renumbered(
+        |element| number(elements.get(element).map(|element| element.tag), element),
+        |node| number(tags.get(node).copied(), node),
+    );
+    GmshError::new(line.unwrap_or(content.lines), problem.to_string(), "correct the mesh in Gmsh")
 }
 
 /// Loads of a scene that are meant for the whole body would act on that part alone.

@@ -33,7 +33,7 @@ impl GmshError {
 /// quadrature; others get the kind with the most usual one.
 ///
 /// # Errors
-/// [`GmshError`]; the mesh itself still has to be validated.
+/// [`GmshError`], also where the mesh is not valid.
 pub fn read(text: &str, preferred: Option<ElementKind>) -> Result<Mesh, GmshError> {
     assemble::mesh(parse::parse(text)?, preferred)
 }

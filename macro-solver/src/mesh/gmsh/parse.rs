@@ -10,6 +10,8 @@ use std::str::FromStr;
 pub(super) struct Content {
     /// Position of every node by its tag, m.
     pub(super) nodes: BTreeMap<u64, [f64; 3]>,
+    /// Line of every node by its tag.
+    pub(super) node_lines: BTreeMap<u64, usize>,
     /// All elements, in the order of the file.
     pub(super) elements: Vec<RawElement>,
     /// Names of groups by dimension and tag.
@@ -25,6 +27,8 @@ pub(super) struct Content {
 pub(super) struct RawElement {
     /// Where it stands.
     pub(super) line: usize,
+    /// Gmsh's number of it.
+    pub(super) tag: u64,
     /// Gmsh's number of its shape.
     pub(super) shape: u32,
     /// Physical groups.
@@ -48,6 +52,7 @@ pub(super) fn parse(text: &str) -> Result<Content, GmshError> {
                 line.error(format!("'{}' is not the start of a section", shorten(name)), "is it a Gmsh file?")
             );
         };
+        let is_read = matches!(section, "PhysicalNames" | "Entities" | "Nodes" | "Elements");
         match (section, format) {
             ("MeshFormat", _) => format = Some(mesh_format(&mut lines)?),
             ("PhysicalNames", _) => physical_names(&mut lines, &mut content)?,
@@ -64,7 +69,11 @@ pub(super) fn parse(text: &str) -> Result<Content, GmshError> {
             }
             _ => {}
         }
-        lines.skip_to_end(section)?;
+        if is_read {
+            lines.expect_end(section)?;
+        } else {
+            lines.skip_to_end(section)?;
+        }
     }
     if format.is_none() {
         return Err(GmshError::new(1, "there is no $MeshFormat section", SAVE_AGAIN));
@@ -164,6 +173,7 @@ fn add_node(content: &mut Content, line: &Line<'_>, tag: u64, place: [f64; 3]) -
     if !place.iter().all(|x| x.is_finite()) {
         return Err(line.error(format!("node {tag} has a coordinate that is not a finite number"), SAVE_AGAIN));
     }
+    content.node_lines.insert(tag, line.number);
     match content.nodes.insert(tag, place) {
         Some(_) => Err(line.error(format!("node {tag} is given twice"), SAVE_AGAIN)),
         None => Ok(()),
@@ -180,7 +190,7 @@ fn elements_two(lines: &mut Lines<'_>, content: &mut Content) -> Result<(), Gmsh
     for _ in 0..lines.count()? {
         let line = lines.expect()?;
         let mut words = line.words();
-        let _tag: u64 = words.next("an element")?;
+        let tag = words.next("an element")?;
         let shape = words.next("a shape")?;
         let tags: usize = words.next("a number of tags")?;
         let tags: Vec<i64> = (0..tags).map(|_| words.next("a tag")).collect::<Result<_, _>>()?;
@@ -193,6 +203,7 @@ fn elements_two(lines: &mut Lines<'_>, content: &mut Content) -> Result<(), Gmsh
                 place.insert(content.elements.len());
                 content.elements.push(RawElement {
                     line: line.number,
+                    tag,
                     shape,
                     groups: group.into_iter().collect(),
                     nodes,
@@ -214,9 +225,9 @@ fn elements_four(lines: &mut Lines<'_>, content: &mut Content) -> Result<(), Gms
         for _ in 0..count {
             let line = lines.expect()?;
             let mut words = line.words();
-            let _tag: u64 = words.next("an element")?;
+            let tag = words.next("an element")?;
             let nodes = words.rest("a node")?;
-            content.elements.push(RawElement { line: line.number, shape, groups: groups.clone(), nodes });
+            content.elements.push(RawElement { line: line.number, tag, shape, groups: groups.clone(), nodes });
         }
     }
     Ok(())
@@ -255,6 +266,25 @@ impl<'a> Lines<'a> {
         self.expect()?.words().next("a count")
     }
 
+    /// The end of a section that has been read: its first line says how much there is of it.
+    fn expect_end(&mut self, section: &str) -> Result<(), GmshError> {
+        let end = format!("$End{section}");
+        while let Some(line) = self.advance() {
+            let text = line.text.trim();
+            if text == end {
+                return Ok(());
+            }
+            if !text.is_empty() {
+                let problem =
+                    format!("section ${section} goes on after as many entries as it announces: '{}'", shorten(text));
+                return Err(
+                    line.error(problem, format!("correct the numbers of entries in ${section}, or {SAVE_AGAIN}"))
+                );
+            }
+        }
+        Err(GmshError::new(self.next, format!("section ${section} has no {end}"), SAVE_AGAIN))
+    }
+
     fn skip_to_end(&mut self, section: &str) -> Result<(), GmshError> {
         let end = format!("$End{section}");
         let start = self.next;
@@ -272,7 +302,7 @@ impl<'a> Line<'a> {
         Words { words: self.text.split_ascii_whitespace(), number: self.number }
     }
 
-    fn error(&self, problem: impl Into<String>, remedy: &str) -> GmshError {
+    fn error(&self, problem: impl Into<String>, remedy: impl Into<String>) -> GmshError {
         GmshError::new(self.number, problem, remedy)
     }
 }

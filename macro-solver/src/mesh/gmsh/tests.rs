@@ -69,16 +69,42 @@ fn an_element_of_two_groups_is_one_element() {
     assert_eq!(mesh.side_sets["top"], plain.side_sets["top"]);
 }
 
+/// A section that announces fewer entries than it has lost the others: the body had a hole.
+#[test]
+fn sections_with_more_entries_than_they_announce_are_refused() {
+    let line_of = |text: &str, wanted: &str| text.lines().position(|line| line == wanted).unwrap() + 1;
+    let short = MIXED.replace("$Elements\n9\n", "$Elements\n8\n");
+    let error = read(&short, None).unwrap_err();
+    assert_eq!(error.line, line_of(&short, "9 2 2 9 1 3 18 7"));
+    assert!(error.problem.contains("$Elements goes on") && error.remedy.contains("numbers of entries"), "{error}");
+    let nodes = MIXED.split_once("$Nodes\n").unwrap().1.lines().next().unwrap();
+    let fewer = nodes.parse::<usize>().unwrap() - 1;
+    let error = read(&MIXED.replace(&format!("$Nodes\n{nodes}\n"), &format!("$Nodes\n{fewer}\n")), None).unwrap_err();
+    assert!(error.problem.contains("$Nodes goes on"), "{error}");
+}
+
+#[test]
+fn defects_of_the_mesh_are_told_with_the_lines_and_numbers_of_the_file() {
+    let turned = MIXED.replace("9 2 2 9 1 3 18 7", "9 2 2 9 1 18 3 7");
+    let error = read(&turned, None).unwrap_err();
+    let line = turned.lines().position(|line| line == "9 2 2 9 1 18 3 7").unwrap() + 1;
+    assert!(error.line == line && error.problem.contains("element 9 is inverted"), "{error}");
+}
+
 #[test]
 fn a_part_of_the_body_cannot_be_called_all() {
     for part in ["\"soil\"", "\"top\"", "\"pin\""] {
         let error = read(&MIXED.replace(part, "\"all\""), None).unwrap_err();
         assert!(error.problem.contains("`all` is the name of the whole body"), "{}", error.problem);
     }
-    // Without the triangles `soil` is the whole body.
+    // Without the triangles and their own nodes `soil` is the whole body.
     let whole = MIXED
-        .replace("$Elements\n9\n", "$Elements\n7\n")
+        .replace("$Elements\n9\n", "$Elements\n6\n")
         .replace("8 2 2 9 1 3 4 18\n9 2 2 9 1 3 18 7\n", "")
+        .replace("5 1 2 0 2 3 4\n", "")
+        .replace("$Nodes\n8\n", "$Nodes\n6\n")
+        .replace("4 3 0 0\n", "")
+        .replace("18 3 1 0\n", "")
         .replace("\"soil\"", "\"all\"");
     assert_eq!(read(&whole, None).unwrap().element_sets["all"], [0, 1]);
 }
@@ -159,6 +185,6 @@ fn defects_are_named_by_line_and_remedy() {
     assert!(refused("$EndElements", "").problem.contains("no $EndElements"));
     assert!(read("solid thing", None).unwrap_err().problem.contains("not the start of a section"));
     assert_eq!(read("", None).unwrap_err().line, 1);
-    let clockwise = read(&MIXED.replace("6 3 2 3 1 1 2 6 5", "6 3 2 3 1 5 6 2 1"), None).unwrap();
-    assert!(clockwise.validate().unwrap_err().to_string().contains("element 0 is inverted"));
+    let clockwise = refused("6 3 2 3 1 1 2 6 5", "6 3 2 3 1 5 6 2 1");
+    assert!(clockwise.line == 29 && clockwise.problem.contains("element 6 is inverted"), "{clockwise}");
 }

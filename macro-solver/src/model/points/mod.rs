@@ -17,7 +17,7 @@ pub(crate) use record::{PointRecord, copy};
 
 use crate::formulation::corotation::Polar;
 use crate::formulation::{Formulation, Operator};
-use crate::mesh::{Dimension, point_places};
+use crate::mesh::{Dimension, point_places, point_volumes};
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::FlagCounts;
 use crate::problem::{Problem, Procedure, SecantSettings, Stage};
@@ -95,8 +95,9 @@ impl Points {
         let before = self.neighbours.take().map(|neighbours| neighbours.previous().to_vec());
         self.neighbours = stage.nonlocal.as_ref().map(|settings| {
             let periods = problem.periods(stage).expect("checked before the run");
+            let (places, volumes) = (point_places(&problem.mesh), point_volumes(&problem.mesh));
             let mut neighbours =
-                NonlocalLayer::new(&point_places(&problem.mesh), &periods, settings).expect("checked before the run");
+                NonlocalLayer::new(&places, &volumes, &periods, settings).expect("checked before the run");
             before.into_iter().for_each(|strains| neighbours.commit(strains));
             neighbours
         });

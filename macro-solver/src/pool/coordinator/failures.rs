@@ -41,6 +41,9 @@ impl Coordinator {
     }
 
     fn record_failure(&mut self, index: usize, reason: &str) {
+        if !self.batch.is_needed(index) {
+            return;
+        }
         let limit = self.settings.quarantine_after;
         let job = &mut self.batch.jobs[index];
         job.failures.push(reason.to_owned());
@@ -79,8 +82,12 @@ impl Coordinator {
         }
     }
 
-    /// Gives a job of a lost or faulty worker to another, after a delay if the next loss would be the last.
+    /// Gives a job of a lost or faulty worker to another, after a delay if the next loss would be the last; nobody gets one that is no longer
+    /// needed.
     fn reissue(&mut self, index: usize) {
+        if !self.batch.is_needed(index) {
+            return self.abandon(index);
+        }
         self.statistics.reissued += 1;
         let (job, limit) = (&self.batch.jobs[index], self.settings.quarantine_after);
         if !job.failures.is_empty() && job.failure_count().saturating_add(1) == limit {
@@ -95,6 +102,20 @@ impl Coordinator {
         } else {
             self.batch.requeue(index);
         }
+    }
+
+    /// Queues a job again that its worker could not begin with, unless it is no longer needed.
+    pub(super) fn queue_again(&mut self, index: usize) {
+        if self.batch.is_needed(index) {
+            self.batch.requeue(index);
+        } else {
+            self.abandon(index);
+        }
+    }
+
+    fn abandon(&mut self, index: usize) {
+        self.batch.drop_sent(index);
+        self.statistics.abandoned += 1;
     }
 
     /// After an invalid reply the worker is ended and its job goes to another.

@@ -214,7 +214,7 @@ impl Coordinator {
                 let state = self.batch.jobs[index].state.id;
                 self.workers.edit(worker, |known| known.cache.forget(state));
                 self.batch.jobs[index].must_carry = true;
-                self.batch.requeue(index);
+                self.queue_again(index);
             }
             ValidatedReply::NeedDefinition => {
                 let job = &mut self.batch.jobs[index];
@@ -225,7 +225,7 @@ impl Coordinator {
                 self.statistics.definition_misses += 1;
                 let definition = job.definition;
                 self.workers.edit(worker, |known| known.definitions.remove(&definition));
-                self.batch.requeue(index);
+                self.queue_again(index);
             }
         }
     }

@@ -2,7 +2,7 @@
 //! on request.
 
 use crate::material::PointTrial;
-use crate::pool::{HangPolicy, Interrupt, JoiningWorkers, Outlook, Pool, PoolSettings, WorkerSupply};
+use crate::pool::{HangPolicy, Interrupt, JoiningWorkers, Pool, PoolSettings, SupplyStatus, WorkerSupply};
 use protocol::control::{FromWorker, ToWorker};
 use protocol::transport::{LoadedJob, LoadedReply, MacroEvent, MacroPort, TransportError, Waker, WorkerId};
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
@@ -417,7 +417,7 @@ impl WorkerSupply for Replacements {
         self.due += 1;
     }
 
-    fn tend(&mut self) -> Outlook {
+    fn tend(&mut self) -> SupplyStatus {
         while self.due > 0 && self.left > 0 {
             self.due -= 1;
             self.left -= 1;
@@ -425,9 +425,9 @@ impl WorkerSupply for Replacements {
             self.world.borrow_mut().hire(4, &[], self.deadly);
         }
         if self.due > 0 && self.left == 0 {
-            return Outlook::Exhausted("no replacements are left".into());
+            return SupplyStatus::Exhausted("no replacements are left".into());
         }
-        Outlook::Expected { check_again: Duration::from_millis(1) }
+        SupplyStatus::Expected { check_again: Duration::from_millis(1) }
     }
 
     fn restarts(&self) -> u64 {

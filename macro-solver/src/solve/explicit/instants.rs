@@ -1,9 +1,9 @@
 //! From one instant to the next: forces, velocities, accelerations, reactions and energies of the nodes.
 
-use super::carried::Carried;
 use super::constrained_velocities::given_velocities;
 use super::dashpots::next_velocity;
 use super::energy::Forces;
+use super::handover::Handover;
 use super::integrator::Integrator;
 use super::masses::element_masses;
 use super::stage_context::StageContext;
@@ -11,12 +11,12 @@ use crate::element::hourglass::HourglassControl;
 use crate::model::assembly::forces::Motion;
 use crate::model::stable_step::limits;
 use crate::observer::Outcome;
-use crate::problem::dynamics::StepRule;
+use crate::problem::dynamics::TimeStepRule;
 use nalgebra::Vector3;
 
 impl Integrator {
     /// Forces, velocities and the ledger at the start.
-    pub(super) fn first_instant(&mut self, context: &StageContext<'_>, carried: &Carried) {
+    pub(super) fn first_instant(&mut self, context: &StageContext<'_>, handover: &Handover) {
         for given in &context.settings.initial_velocities {
             let axes = context.problem.mesh.dimension.count();
             for &node in context.problem.nodes(&given.nodes).expect("checked before the run") {
@@ -37,11 +37,11 @@ impl Integrator {
         self.collect_forces(context);
         let axes = context.problem.mesh.dimension.count();
         let absorbs = |dof: usize| self.dashpots.is_absorbing(dof / axes) && !context.constraints.is_given(dof);
-        let is_linked_as_before = carried.linked_as_before(context.constraints);
-        let begun = carried.loads_begun(&self.forces.loads);
+        let is_linked_as_before = handover.linked_as_before(context.constraints);
+        let begun = handover.loads_begun(&self.forces.loads);
         // Linked nodes too: each bears its own share, and links do no work.
         let borne =
-            |dof: usize| carried.support(dof, -(self.driving_force(dof) - begun[dof]), is_linked_as_before[dof]);
+            |dof: usize| handover.support(dof, -(self.driving_force(dof) - begun[dof]), is_linked_as_before[dof]);
         self.held = (0..self.velocity.len()).map(|dof| if absorbs(dof) { borne(dof) } else { 0.0 }).collect();
         add(&mut self.forces.loads, &self.held);
         let rate = context.settings.damping.mass;
@@ -87,10 +87,10 @@ impl Integrator {
         let before = self.forces.clone();
         let last_step = self.step;
         self.collect_forces(context);
-        if renews && self.done < self.total && matches!(context.settings.step, StepRule::Stable { .. }) {
+        if renews && self.done < self.total && matches!(context.settings.step, TimeStepRule::Stable { .. }) {
             let masses = element_masses(context.body, context.settings).map_err(Outcome::Refused)?;
             let limits = limits(&self.laws(context), context.constraints, &masses);
-            self.choose_step(context, &limits);
+            self.choose_step(context, &limits)?;
         }
         let mean_step = 0.5 * (last_step + self.step);
         let axes = context.problem.mesh.dimension.count();

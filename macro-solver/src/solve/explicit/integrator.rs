@@ -4,10 +4,10 @@
 //! of the half step behind, and with it the displacements of the instant `n + 1`. Dampers inside elements see the half
 //! step before, dampers at nodes the mean of both. A report about an instant is complete: its velocity is that mean.
 
-use super::carried::Carried;
 use super::constrained_velocities::VelocityConstraints;
 use super::dashpots::Dashpots;
 use super::energy::{BalanceViolation, Forces, Monitor};
+use super::handover::Handover;
 use super::masses::{element_masses, nodal_masses, scale_factors};
 use super::stage_context::StageContext;
 use crate::element::PointGeometry;
@@ -18,8 +18,8 @@ use crate::model::assembly::viscosity::Viscosity;
 use crate::model::failure::failure;
 use crate::model::stable_step::{ElementLimits, limits};
 use crate::observer::{EnergyBalance, Outcome};
-use crate::problem::dynamics::{Reporting, StepRule};
-use crate::problem::{Moment, Stage};
+use crate::problem::dynamics::{Reporting, TimeStepRule};
+use crate::problem::{Moment, ProblemError, Stage};
 use crate::solve::driver::timed;
 use nalgebra::Matrix3;
 use protocol::TangentKind;
@@ -29,6 +29,9 @@ const STIFFEST: TangentKind = TangentKind::TrussLike;
 
 /// Factor on the stable step above which a step is more than rounding beyond it.
 const LIMIT: f64 = 1.0 + 1e-6;
+
+/// Most time steps of a stage: no run comes to the end of more, and most likely a number has a wrong unit.
+const MOST_STEPS: f64 = 1e9;
 
 /// A dynamic stage under way.
 #[derive(Clone, Debug)]
@@ -72,14 +75,14 @@ pub(crate) struct Integrator {
 }
 
 impl Integrator {
-    /// Begins a stage at the committed state, after the stage that `carried` comes from. Every point is evaluated once for its elastic
+    /// Begins a stage at the committed state, after the stage that `handover` comes from. Every point is evaluated once for its elastic
     /// tangent.
     ///
     /// # Errors
     /// The end of the run: a problem that does not fit, or points that cannot be evaluated.
     pub(crate) fn start(
         context: &mut StageContext<'_>,
-        carried: Carried,
+        handover: Handover,
         material: &mut dyn PointMaterial,
     ) -> Result<Self, Outcome> {
         let still = vec![Matrix3::zeros(); context.points.all().len()];
@@ -115,7 +118,7 @@ impl Integrator {
             done: 0,
             total: 0,
             ahead: context.body.zero(),
-            velocity: carried.velocity.clone().unwrap_or_else(|| context.body.zero()),
+            velocity: handover.velocity.clone().unwrap_or_else(|| context.body.zero()),
             acceleration: context.body.zero(),
             forces: Forces::default(),
             hourglass_energy: 0.0,
@@ -124,7 +127,7 @@ impl Integrator {
             gradients: still,
         };
         integrator.choose_masses_and_step(context)?;
-        integrator.first_instant(context, &carried);
+        integrator.first_instant(context, &handover);
         Ok(integrator)
     }
 
@@ -134,26 +137,39 @@ impl Integrator {
         self.scale_factors = scale_factors(context.settings, &limits);
         self.dashpots = Dashpots::of_stage(context, &self.stiffness, &self.scale_factors);
         (self.masses, self.added_mass) = nodal_masses(context.body, &masses, &self.scale_factors);
-        self.choose_step(context, &limits);
-        Ok(())
+        self.choose_step(context, &limits)
     }
 
     /// Divides what is left of the stage into equal steps.
-    pub(super) fn choose_step(&mut self, context: &StageContext<'_>, limits: &[ElementLimits]) {
+    ///
+    /// # Errors
+    /// They are more than any run comes to the end of.
+    pub(super) fn choose_step(
+        &mut self,
+        context: &StageContext<'_>,
+        limits: &[ElementLimits],
+    ) -> Result<(), Outcome> {
         let critical = limits
             .iter()
             .zip(&self.scale_factors)
             .map(|(limits, factor)| limits.scaled(*factor).step())
             .fold(f64::INFINITY, f64::min);
         let wanted = match context.settings.step {
-            StepRule::Stable { safety } => safety * critical,
-            StepRule::Fixed { step } => step,
+            TimeStepRule::Stable { safety } => safety * critical,
+            TimeStepRule::Fixed { step } => step,
         };
         self.stable_step = critical;
         let now = self.time();
         let left = context.stage.duration - now;
         // A sliver of a step at the end would only be rounding.
         let steps = (left / wanted - 1e-9).ceil().max(1.0);
+        if steps.is_nan() || steps > MOST_STEPS {
+            return Err(Outcome::Refused(ProblemError::Number {
+                what: "the number of time steps (loading.duration over dynamics.time_step or the stable step)",
+                requirement: "at most 1e9",
+                value: steps,
+            }));
+        }
         self.origin = (now, self.done);
         self.step = left / steps;
         self.total = self.done + steps as u64;
@@ -161,6 +177,7 @@ impl Integrator {
             let (time_step, stable_step) = (self.step, self.stable_step);
             tracing::warn!(event = "time_step_above_the_stable_one", time_step, stable_step);
         }
+        Ok(())
     }
 
     /// One time step: displacements, stresses, forces, velocities, energies.

@@ -4,7 +4,7 @@ use crate::element::mass::lumped_masses;
 use crate::model::body::Body;
 use crate::model::stable_step::ElementLimits;
 use crate::problem::ProblemError;
-use crate::problem::dynamics::{DynamicSettings, MassScaling, StepRule};
+use crate::problem::dynamics::{DynamicSettings, MassScaling, TimeStepRule};
 
 /// Lumped masses of the nodes of every element, kg, in the plane per metre of thickness.
 ///
@@ -23,8 +23,8 @@ pub(super) fn element_masses(body: &Body, settings: &DynamicSettings) -> Result<
 /// Factor on the masses of every element.
 pub(super) fn scale_factors(settings: &DynamicSettings, limits: &[ElementLimits]) -> Vec<f64> {
     let safety = match settings.step {
-        StepRule::Stable { safety } => safety,
-        StepRule::Fixed { .. } => 1.0,
+        TimeStepRule::Stable { safety } => safety,
+        TimeStepRule::Fixed { .. } => 1.0,
     };
     let factor = |limits: &ElementLimits| match settings.mass_scaling {
         MassScaling::None => 1.0,

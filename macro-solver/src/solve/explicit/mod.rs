@@ -5,13 +5,13 @@
 //! this is the algorithm of [Liu2015] section 2.3.3: strain increments on the midpoint geometry, turned into and out of
 //! the frame of the polar decomposition, forces on the geometry at the end of the step.
 //!
-//! The step is bounded by the fastest element ([`crate::problem::dynamics::StepRule`]), and every step is checked by an energy balance,
+//! The step is bounded by the fastest element ([`crate::problem::dynamics::TimeStepRule`]), and every step is checked by an energy balance,
 //! so an unstable run ends with a reason instead of a field of numbers.
 
-mod carried;
 mod constrained_velocities;
 mod dashpots;
 mod energy;
+mod handover;
 mod instants;
 mod integrator;
 mod masses;
@@ -21,6 +21,6 @@ mod stage_context;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use carried::Carried;
+pub(crate) use handover::Handover;
 pub(crate) use integrator::Integrator;
 pub(crate) use record::IntegratorRecord;

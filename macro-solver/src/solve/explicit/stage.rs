@@ -46,8 +46,8 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<(Integrator, Counters), Outcome> {
         let mut counters = Counters::of(&self.statistics);
-        let carried = std::mem::take(&mut self.carried);
-        let mut integrator = Integrator::start(&mut self.context(settings), carried, session.material)?;
+        let handover = std::mem::take(&mut self.handover);
+        let mut integrator = Integrator::start(&mut self.context(settings), handover, session.material)?;
         if self.stage == 0 {
             self.check_start_of_motion()
                 .map_err(|defect| Outcome::DidNotConverge { reason: format!("initial state: {defect}") })?;

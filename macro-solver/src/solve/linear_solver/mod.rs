@@ -131,7 +131,7 @@ impl LinearSolver {
         self.fallback_count
     }
 
-    /// Symbolic factorizations so far: 1 once anything was solved.
+    /// Symbolic factorizations so far: one for each stage that solved anything.
     pub(super) fn symbolic_count(&self) -> u64 {
         self.symbolic_count
     }

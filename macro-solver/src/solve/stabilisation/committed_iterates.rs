@@ -18,7 +18,7 @@ use crate::solve::stabilisation::path::FEW_WITHOUT_GAIN;
 impl Solver<'_> {
     /// Takes a step on to the share `target` of the path from an iterate, which the material has evaluated last; `before` are the
     /// counters of the step.
-    pub(in crate::solve) fn go_on_from(
+    pub(in crate::solve) fn continue_from_iterate(
         &mut self,
         unfinished: &Unfinished,
         target: f64,

@@ -70,24 +70,24 @@ impl EachAnswer for NoisyStress {
 }
 
 /// In small steps the corrections that such noise asks for are above the displacement tolerance, whatever is done. Steps in balance were refused
-/// for them and halved, which made the corrections larger still.
+/// for them and halved, which made the corrections larger still, until none was left.
 #[test]
 fn small_steps_end_where_their_corrections_are_noise() {
     let solved = |stagnated_displacement| {
         let mut problem = pulled(1e-3);
         let stage = &mut problem.stages[0];
-        stage.control.increments = 100;
+        stage.control.increments = 400;
         stage.tolerances = Tolerances { stagnated_displacement, ..Tolerances::within(5e-3) };
         stage.control.stabilisation = Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
         let mut material =
-            Altered { material: weak_at_the_bottom(), alteration: NoisyStress(Noise { share: 1e-3, state: 5 }) };
+            Altered { material: weak_at_the_bottom(), alteration: NoisyStress(Noise { share: 3e-3, state: 5 }) };
         run(&problem, &mut material).0
     };
     let (now, before) = (solved(5e-2), solved(0.0));
     let statistics = &now.statistics;
     assert!(matches!(now.outcome, Outcome::Completed), "{:?}", now.outcome);
-    assert_eq!((statistics.steps, statistics.cut_backs, statistics.stagnated_steps), (100, 0, 0));
-    assert!(statistics.steps_with_noisy_corrections > 0 && statistics.largest_force_ratio <= 1e-2, "{statistics:?}");
+    assert_eq!((statistics.steps, statistics.stagnated_steps), (400, 0));
+    assert!(statistics.steps_with_noisy_corrections > 10 && statistics.largest_force_ratio <= 1e-2, "{statistics:?}");
     assert_eq!(before.statistics.steps_with_noisy_corrections, 0, "off");
-    assert!(before.statistics.evaluations > 3 * statistics.evaluations, "{}", before.statistics.evaluations);
+    assert!(matches!(before.outcome, Outcome::DidNotConverge { .. }), "{:?}", before.outcome);
 }

@@ -222,17 +222,23 @@ impl<S: SolverFor> GrainRve<S> {
     /// # Errors
     /// [`RveError::NotFinite`] for a state from elsewhere whose forces are not finite.
     pub fn committed_network(&mut self) -> Result<ContactNetwork<S>, RveError> {
-        self.reduce_friction(0.0)?;
+        self.network_with_friction(0.0)
+    }
+
+    /// The contact network of the committed state under a friction that is reduced by a share of what the definition has.
+    fn network_with_friction(&mut self, reduction: f64) -> Result<ContactNetwork<S>, RveError> {
+        self.reduce_friction(reduction)?;
         let end = self.solver.evaluate_state(&self.model, &self.committed)?;
         Ok(self.solver.network(&self.model, &end))
     }
 
-    /// Grains and contacts of the committed state.
+    /// Grains and contacts of the committed state; contacts slide at the friction that `friction_reduction`
+    /// ([`TrialOptions::friction_reduction`]) leaves.
     ///
     /// # Errors
     /// As [`committed_network`](Self::committed_network).
-    pub fn picture(&mut self) -> Result<CellPicture, RveError> {
-        let network = self.committed_network()?;
+    pub fn picture(&mut self, friction_reduction: f64) -> Result<CellPicture, RveError> {
+        let network = self.network_with_friction(friction_reduction)?;
         Ok(CellPicture::new(&network, &self.committed))
     }
 

@@ -3,6 +3,7 @@
 use super::path::flat;
 use super::row::ElementRow;
 use super::run::run_element_on;
+use super::start_check::start_note;
 use super::summary::ElementEnd;
 use super::test_file::{COMPONENT_KEYS, ElementTest, is_in_plane};
 use crate::definition::Packing;
@@ -30,6 +31,8 @@ pub struct ElementTable {
     pub end: ElementEnd,
     /// Whether `keep_going` has ended it.
     pub is_interrupted: bool,
+    /// What [`start_note`] has to say about it.
+    pub note: Option<String>,
 }
 
 /// Runs `test` on a packing in memory, see [`run_element_on`], and returns its table. `keep_going` is called after every row; `false`
@@ -47,15 +50,18 @@ pub fn element_table(
     let mut csv = Vec::new();
     let mut encoder = ElementCsv::new(&mut csv, tangent)?.with_units(has_units);
     let mut written = Ok(());
-    let mut is_interrupted = false;
+    let (mut is_interrupted, mut note) = (false, None);
     let end = run_element_on(test, packing, tangent, &mut |row| {
+        if row.increment == 0 {
+            note = start_note(test, row);
+        }
         written = encoder.write(row);
         is_interrupted = !keep_going();
         if written.is_err() || is_interrupted { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     drop(encoder);
     written?;
-    Ok(ElementTable { csv, end, is_interrupted })
+    Ok(ElementTable { csv, end, is_interrupted, note })
 }
 
 /// Writes the header and then one line per row, each as soon as it is given.

@@ -174,7 +174,7 @@ impl<S: SolverFor> Run<S> {
             self.spent.is_restless |= answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
             let energies = self.cell.trial_energies();
             self.cell.commit().expect("the trial is the latest");
-            step.go_on_from(gradient);
+            step.advance_committed(gradient);
             self.work.advance(step.kinematics.committed, stress, energies);
             taken += 1;
             self.spent.relaxed += 1;

@@ -24,7 +24,7 @@ pub(super) struct Step {
 
 impl Step {
     /// Makes `gradient` the committed state.
-    pub(super) fn go_on_from(&mut self, gradient: Matrix) {
+    pub(super) fn advance_committed(&mut self, gradient: Matrix) {
         self.committed_gradient = gradient;
         self.kinematics.committed = self.kinematics.deformation(&gradient);
     }

@@ -15,13 +15,13 @@ const OF_ATTEMPT: i32 = 2;
 /// those of single cells.
 const OF_SINGLE_IN_LANES: i32 = 4;
 
-/// Bound of the balance in either direction. At the lower one the solver rests.
+/// Bound of the balance in either direction. At the lower one the solver pauses.
 const BOUND: i32 = 330;
 
-/// Trials that relaxation answers then, at first and at most. Each rest is twice the last one.
-const REST: [u32; 2] = [8, 512];
+/// Trials that relaxation answers then, at first and at most. Each pause is twice the last one.
+const PAUSE: [u32; 2] = [8, 512];
 
-/// Force evaluations that may be lost after a rest until the next one: two factorisations show whether modes still change.
+/// Force evaluations that may be lost after a pause until the next one: two factorisations show whether modes still change.
 const AFTER_REST: i32 = 90;
 
 /// Force evaluations that relaxation spends on each decade of the tolerance below 1e-3.
@@ -65,11 +65,11 @@ pub(super) fn book<S: Space>(
     memory.balance = (memory.balance + saved - spent.in_evaluations(options)).clamp(-BOUND, BOUND);
     if memory.balance == -BOUND {
         memory.balance = AFTER_REST - BOUND;
-        memory.rest = (2 * memory.last_rest).clamp(REST[0], REST[1]);
-        memory.last_rest = memory.rest;
+        memory.pause = (2 * memory.last_pause).clamp(PAUSE[0], PAUSE[1]);
+        memory.last_pause = memory.pause;
         memory.response = None;
     } else if memory.balance >= 0 {
-        memory.last_rest = 0;
+        memory.last_pause = 0;
     }
 }
 
@@ -83,20 +83,20 @@ mod tests {
         let options = RveOptions::default();
         let mut memory = EventMemory::<Discs>::default();
         let dear = Spent { evaluations: 10, factorisations: 4 };
-        let mut rests = Vec::new();
+        let mut pauses = Vec::new();
         for _ in 0..30 {
             book(&mut memory, dear, false, &options, 5);
-            if memory.rest > 0 {
-                rests.push(memory.rest);
-                memory.rest = 0;
+            if memory.pause > 0 {
+                pauses.push(memory.pause);
+                memory.pause = 0;
             }
         }
-        assert_eq!(rests[..4], [8, 16, 32, 64]);
+        assert_eq!(pauses[..4], [8, 16, 32, 64]);
         let cheap = Spent { evaluations: 1, factorisations: 0 };
         for _ in 0..100 {
             book(&mut memory, cheap, true, &options, 5);
         }
-        assert_eq!((memory.last_rest, memory.balance), (0, BOUND));
+        assert_eq!((memory.last_pause, memory.balance), (0, BOUND));
     }
 
     /// A response for every ten answers pays for a single cell, and not in lanes; stored responses pay in both.
@@ -109,7 +109,7 @@ mod tests {
                 let factorisations = i32::from(number % factorised_every == 0);
                 book(&mut memory, Spent { evaluations: 1, factorisations }, true, &options, 5);
             }
-            memory.last_rest > 0
+            memory.last_pause > 0
         };
         assert_eq!([ends(false, 10), ends(true, 10), ends(false, 100), ends(true, 100)], [false, true, false, false]);
     }

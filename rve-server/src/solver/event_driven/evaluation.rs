@@ -367,9 +367,9 @@ impl PairSite<Discs, PlainLinear, Packed> for Site<'_> {
     }
 
     #[inline(always)]
-    fn change(&mut self, _: LaneMask<WIDTH>, loss: Packed, births: Packed) {
+    fn change(&mut self, _: LaneMask<WIDTH>, loss: Packed, new_contacts: Packed) {
         self.sums.opening_loss += loss;
-        self.sums.births += births;
+        self.sums.new_contacts += new_contacts;
     }
 
     /// A contact slides where friction has cut its force. Of a law without memory that is what the spring would have been without

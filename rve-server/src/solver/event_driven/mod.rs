@@ -185,8 +185,8 @@ impl EventDrivenDiscs {
         if !applies {
             return None;
         }
-        if memory.rest > 0 {
-            memory.rest -= 1;
+        if memory.pause > 0 {
+            memory.pause -= 1;
             return None;
         }
         let responses = self.responses.as_deref_mut()?;

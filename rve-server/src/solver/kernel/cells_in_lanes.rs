@@ -131,9 +131,9 @@ impl<K: KernelSpace, C: ContactLaw<K>, R: Real> PairSite<K, C, R> for InLanes<'_
     }
 
     #[inline(always)]
-    fn change(&mut self, opened: R::Mask, loss: R, births: R) {
+    fn change(&mut self, opened: R::Mask, loss: R, new_contacts: R) {
         self.sums.opening_loss += loss;
-        self.sums.births += births;
+        self.sums.new_contacts += new_contacts;
         let count = &mut self.data.limit_counts[self.index];
         *count = R::select(opened, R::default(), *count);
     }

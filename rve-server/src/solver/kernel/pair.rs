@@ -21,7 +21,7 @@ pub(in crate::solver) trait PairSite<K: KernelSpace, C: ContactLaw<K>, R: Real> 
     fn spins(&self) -> [K::Axial<R>; 2];
 
     /// A contact has opened or begun somewhere: where it has opened, the tangential energy lost there, J, and 1 where one has begun.
-    fn change(&mut self, opened: R::Mask, loss: R, births: R);
+    fn change(&mut self, opened: R::Mask, loss: R, new_contacts: R);
 
     /// What the law was asked and has answered, also where the pair does not touch. Most sites have no use for it.
     #[inline(always)]

@@ -209,9 +209,9 @@ impl<K: KernelSpace> PairGather<K> {
         sums.contacts += of(&self.touches);
         sums.normal_force += of(&self.normal_force);
         sums.dissipation += of(&self.dissipation);
-        if let Some([opening_loss, births]) = &self.change {
+        if let Some([opening_loss, new_contacts]) = &self.change {
             sums.opening_loss += of(opening_loss);
-            sums.births += of(births);
+            sums.new_contacts += of(new_contacts);
         }
     }
 }
@@ -238,8 +238,8 @@ impl<K: KernelSpace, C: ContactLaw<K>> PairSite<K, C, Packed> for GroupSite<'_, 
     }
 
     #[inline(always)]
-    fn change(&mut self, opened: <Packed as Real>::Mask, loss: Packed, births: Packed) {
-        self.gather.change = Some([loss, births]);
+    fn change(&mut self, opened: <Packed as Real>::Mask, loss: Packed, new_contacts: Packed) {
+        self.gather.change = Some([loss, new_contacts]);
         self.group.limit_count = Packed::select(opened, Packed::default(), self.group.limit_count);
     }
 

@@ -138,7 +138,7 @@ pub struct StepSums<R: Real> {
     /// Sum of contact force (on the origin grain, viscous forces included) times branch vector, N m, by rows; only if wanted. Tension is positive.
     pub virial: [R; 9],
     /// Number of pairs that have begun to touch.
-    pub births: R,
+    pub new_contacts: R,
     /// Largest of |F|^2 and (M / R)^2, N2.
     pub largest_force_square: R,
     /// Sum of |F|^2 + (M / R)^2, N2.
@@ -221,7 +221,7 @@ impl<R: Real> StepSums<R> {
             contact_force_square: self.contact_force_square.lane(lane),
             elastic_energy: self.elastic_energy.lane(lane),
             virial: std::array::from_fn(|place| self.virial[place].lane(lane)),
-            births: self.births.lane(lane),
+            new_contacts: self.new_contacts.lane(lane),
             largest_force_square: self.largest_force_square.lane(lane),
             force_square: self.force_square.lane(lane),
             power: self.power.lane(lane),

@@ -5,8 +5,8 @@
 //! nothing touches there.
 
 use super::lane_access::{branch_of, set_lane, vector_of};
-use super::listing::{Listing, is_subset, merged};
-use super::listing_memory::ListingMemory;
+use super::neighbour_list::{NeighbourList, is_subset, merged};
+use super::neighbour_list_memory::NeighbourListMemory;
 use super::setting::Setting;
 use super::stiffness::{PairsOfGrains, StiffContacts, StiffGrains, largest_own_stiffness};
 use crate::cell::{Cell, PairFinder, PairKey};
@@ -24,24 +24,24 @@ const SLACK: f64 = 1.25;
 
 /// Contents of one lane, put in or taken out.
 #[derive(Clone, Debug)]
-pub(crate) struct LaneContents<S: Space, C: ContactLaw<S::Kernel>> {
+pub(crate) struct CellInLane<S: Space, C: ContactLaw<S::Kernel>> {
     pub(crate) grains: Vec<Grain<S::Kernel, f64>>,
     /// Touching pairs in key order, each with its count of evaluations at the friction limit.
     pub(crate) contacts: Vec<(PairKey<S>, Contact<S::Kernel, C, f64>, f64)>,
     /// Absent for a lane that has not been listed yet.
-    pub(crate) listing: Option<Listing<S>>,
+    pub(crate) neighbour_list: Option<NeighbourList<S>>,
     pub(crate) cell: Cell<S>,
 }
 
-impl<S: Space, C: ContactLaw<S::Kernel>> Default for LaneContents<S, C> {
+impl<S: Space, C: ContactLaw<S::Kernel>> Default for CellInLane<S, C> {
     /// Nothing.
     fn default() -> Self {
-        Self { grains: Vec::new(), contacts: Vec::new(), listing: None, cell: Cell { rows: S::Tensor::ZERO } }
+        Self { grains: Vec::new(), contacts: Vec::new(), neighbour_list: None, cell: Cell { rows: S::Tensor::ZERO } }
     }
 }
 
 /// A lane and what goes into it or comes out.
-pub(crate) type Passage<'a, S, C> = (usize, &'a mut LaneContents<S, C>);
+pub(crate) type Passage<'a, S, C> = (usize, &'a mut CellInLane<S, C>);
 
 /// Several cells of one packing.
 #[derive(Clone, Debug)]
@@ -64,14 +64,14 @@ pub(crate) struct Batch<S: Space, C: ContactLaw<S::Kernel>, R: Real> {
     finder: PairFinder<S>,
     /// For the stiffness bound.
     pairs_of_grains: PairsOfGrains,
-    memory: ListingMemory<S>,
+    memory: NeighbourListMemory<S>,
 }
 
 /// Cell and list of an occupied lane.
 #[derive(Clone, Debug)]
 struct Occupied<S: Space> {
     cell: Cell<S>,
-    listing: Listing<S>,
+    neighbour_list: NeighbourList<S>,
 }
 
 impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
@@ -94,7 +94,7 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
             stale: vec![false; R::LANES],
             finder: PairFinder::default(),
             pairs_of_grains: PairsOfGrains::default(),
-            memory: ListingMemory::default(),
+            memory: NeighbourListMemory::default(),
         }
     }
 
@@ -140,17 +140,17 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
     }
 
     /// Occupies a lane and lists the pairs of its grains, which are there already.
-    fn list(&mut self, setting: &Setting<'_, C>, lane: usize, contents: &mut LaneContents<S, C>) {
+    fn list(&mut self, setting: &Setting<'_, C>, lane: usize, contents: &mut CellInLane<S, C>) {
         debug_assert!(self.lanes[lane].is_none(), "the lane is empty");
         let range = 2.0 * setting.largest_radius + setting.skin;
-        let listing = contents.listing.take();
+        let neighbour_list = contents.neighbour_list.take();
         let place = |grain: usize| vector_of::<S::Kernel, f64>(&contents.grains[grain].position, 0);
-        let known = listing.or_else(|| self.memory.recall(&contents.cell, place, range, setting.skin));
+        let known = neighbour_list.or_else(|| self.memory.recall(&contents.cell, place, range, setting.skin));
         let is_new = known.is_none();
-        self.lanes[lane] = Some(Occupied { cell: contents.cell, listing: known.unwrap_or_default() });
+        self.lanes[lane] = Some(Occupied { cell: contents.cell, neighbour_list: known.unwrap_or_default() });
         if is_new {
-            self.renew_listing(setting, lane);
-            let keys = &self.lanes[lane].as_ref().expect("the lane is occupied").listing.keys;
+            self.renew_neighbour_list(setting, lane);
+            let keys = &self.lanes[lane].as_ref().expect("the lane is occupied").neighbour_list.keys;
             self.memory.keep(&contents.cell, (0..contents.grains.len()).map(place).collect(), keys);
         } else {
             self.include(setting, lane);
@@ -161,8 +161,8 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
     pub(crate) fn take(&mut self, departures: &mut [Passage<'_, S, C>]) {
         self.unpack();
         for (lane, contents) in &mut *departures {
-            let Occupied { cell, listing } = self.lanes[*lane].take().expect("the lane is occupied");
-            (contents.cell, contents.listing) = (cell, Some(listing));
+            let Occupied { cell, neighbour_list } = self.lanes[*lane].take().expect("the lane is occupied");
+            (contents.cell, contents.neighbour_list) = (cell, Some(neighbour_list));
             contents.grains.clear();
             contents.contacts.clear();
             self.stale[*lane] = true;
@@ -219,15 +219,15 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
         let occupied = self.lanes[lane].as_mut().expect("the lane is occupied");
         let deforms = occupied.cell != cell;
         occupied.cell = cell;
-        occupied.listing.wander(moved);
+        occupied.neighbour_list.add_motion(moved);
         if deforms {
-            occupied.listing.stretch_to(&cell);
+            occupied.neighbour_list.stretch_to(&cell);
             self.set_images(lane);
         }
         let range = 2.0 * setting.largest_radius + setting.skin;
         let occupied = self.lanes[lane].as_ref().expect("the lane is occupied");
-        if !occupied.listing.is_complete(range, setting.skin) {
-            self.renew_listing(setting, lane);
+        if !occupied.neighbour_list.is_complete(range, setting.skin) {
+            self.renew_neighbour_list(setting, lane);
         }
     }
 
@@ -307,25 +307,25 @@ impl<S: Space, C: ContactLaw<S::Kernel>, R: Real> Batch<S, C, R> {
     }
 
     /// Lists the pairs of a lane for its present positions.
-    fn renew_listing(&mut self, setting: &Setting<'_, C>, lane: usize) {
+    fn renew_neighbour_list(&mut self, setting: &Setting<'_, C>, lane: usize) {
         let occupied = self.lanes[lane].as_mut().expect("the lane is occupied");
         let positions = self.grains.iter().map(|grain| vector_of::<S::Kernel, R>(&grain.position, lane));
-        let listing = &mut occupied.listing;
-        self.finder.find(&occupied.cell, positions, setting.radii, setting.skin, &mut listing.keys);
-        listing.begin(&occupied.cell);
+        let neighbour_list = &mut occupied.neighbour_list;
+        self.finder.find(&occupied.cell, positions, setting.radii, setting.skin, &mut neighbour_list.keys);
+        neighbour_list.begin(&occupied.cell);
         self.include(setting, lane);
     }
 
     /// Makes sure that the common list holds the list of a lane.
     fn include(&mut self, setting: &Setting<'_, C>, lane: usize) {
-        let longest = self.lanes.iter().flatten().map(|other| other.listing.keys.len()).max().unwrap_or(0);
-        let own = &self.lanes[lane].as_ref().expect("the lane is occupied").listing.keys;
+        let longest = self.lanes.iter().flatten().map(|other| other.neighbour_list.keys.len()).max().unwrap_or(0);
+        let own = &self.lanes[lane].as_ref().expect("the lane is occupied").neighbour_list.keys;
         let union = if self.keys.len() as f64 > SLACK * longest as f64 {
             self.unpack();
             // A contact that has come apart by more than the skin is in no list of its own any more, but its end has to be booked.
             let touching: Vec<PairKey<S>> =
                 self.keys.iter().zip(&self.live).filter(|(_, live)| **live).map(|(key, _)| *key).collect();
-            self.lanes.iter().flatten().fold(touching, |union, other| merged(&union, &other.listing.keys))
+            self.lanes.iter().flatten().fold(touching, |union, other| merged(&union, &other.neighbour_list.keys))
         } else if is_subset(own, &self.keys) {
             return self.set_images(lane);
         } else {

@@ -12,8 +12,8 @@ mod damping;
 #[cfg(test)]
 mod kernel_tests;
 mod lane_access;
-mod listing;
-mod listing_memory;
+mod neighbour_list;
+mod neighbour_list_memory;
 mod run;
 #[cfg(test)]
 mod sample;
@@ -35,7 +35,7 @@ pub(crate) use convergence::{Advice, ConvergenceMonitor};
 pub(crate) use criterion::{Imbalance, LEAST_LOAD, is_far_from_rest};
 pub(crate) use damping::descent_share;
 
-use batch::{Batch, LaneContents, Passage};
+use batch::{Batch, CellInLane, Passage};
 use lane_access::branch_of;
 use protocol::RveError;
 use run::Run;
@@ -141,7 +141,7 @@ struct LaneJob<S: Space, C: ContactLaw<S::Kernel>> {
     /// The cell after the present step.
     cell: Cell<S>,
     /// What goes into the lane and comes out of it.
-    contents: LaneContents<S, C>,
+    contents: CellInLane<S, C>,
 }
 
 /// All jobs: those that wait, and the ends of the others.
@@ -153,7 +153,7 @@ struct Jobs<'a, S: Space, C: ContactLaw<S::Kernel>> {
     interrupted: VecDeque<LaneJob<S, C>>,
     ends: Vec<Option<Result<End<S>, RveError>>>,
     /// Memory of jobs that have ended.
-    spare: Vec<LaneContents<S, C>>,
+    spare: Vec<CellInLane<S, C>>,
 }
 
 impl<'a, S: Space, C: ContactLaw<S::Kernel>> Jobs<'a, S, C> {
@@ -336,12 +336,12 @@ fn look_at_stiffness<S: Space, C: ContactLaw<S::Kernel>, R: Real>(
 /// Fills contents with a state as a lane holds it. Contacts get their force back, and their direction as the kernel would compute it, so
 /// that the first evaluation sees a turn of exactly zero.
 fn fill<S: Space, C: ContactLaw<S::Kernel>>(
-    contents: &mut LaneContents<S, C>,
+    contents: &mut CellInLane<S, C>,
     setting: &Setting<'_, C>,
     state: &GrainState<S>,
 ) {
-    let LaneContents { grains, contacts, listing, cell } = contents;
-    (*listing, *cell) = (None, Cell { rows: state.cell.rows });
+    let CellInLane { grains, contacts, neighbour_list, cell } = contents;
+    (*neighbour_list, *cell) = (None, Cell { rows: state.cell.rows });
     grains.clear();
     // Adding zero makes a negative zero positive, which a step without motion would do as well.
     let at_rest = |position: &S::Vector| Grain::at_rest(S::Vector::from_fn(|axis| position[axis] + 0.0));
@@ -370,7 +370,7 @@ fn end_of<S: Space, C: ContactLaw<S::Kernel>>(
     start: &GrainState<S>,
     run: &Run<S>,
     solved: Solved,
-    lane: &LaneContents<S, C>,
+    lane: &CellInLane<S, C>,
 ) -> End<S> {
     let positions = lane.grains.iter().map(|grain| grain.position).collect();
     let turned = start.rotations.iter().zip(&lane.grains);

@@ -206,7 +206,7 @@ impl<S: Space> Run<S> {
         if setting.counts_energies {
             self.count_energies(sums, old_power);
         }
-        self.is_stiffer |= sums.births > 0.0 || sums.normal_force > PRESSED * self.looked_at;
+        self.is_stiffer |= sums.new_contacts > 0.0 || sums.normal_force > PRESSED * self.looked_at;
         self.sums = *sums;
         self.old_power = old_power;
         self.dissipation += sums.dissipation + sums.opening_loss;

@@ -8,7 +8,7 @@
 //! whole; then the spins of that grain are pinned too. All pins choose one of many equal answers and change no contact
 //! force.
 
-use crate::homogenization::rattlers::{Bearing, Pruned};
+use crate::homogenization::rattlers::{LoadBearing, Pruned};
 use crate::tangent::link::LinkedGrains;
 use crate::tangent::sliding::ContactStiffness;
 
@@ -205,13 +205,13 @@ fn load_bearing_contacts<const D: usize>(network: &LinkedGrains<D>, stiffness: &
     let bearing = |index: usize| {
         let link = &network.links[index];
         if link.rolling_stiffness > 0.0 {
-            return Bearing::AndHolds;
+            return LoadBearing::AndHolds;
         }
         let is_pulled = tension > 0.0 && link.normal_force > tension;
         let is_blocked = !network.rotations_free && stiffness[index].resists_slip();
         // A grain that meets its own image is no chain: its place is given by the cell.
         let is_straight = D == 2 || is_pulled || is_blocked || link.origin == link.end;
-        if is_straight { Bearing::WithoutRattlers } else { Bearing::WithoutRattlersAndChains }
+        if is_straight { LoadBearing::WithoutRattlers } else { LoadBearing::WithoutRattlersAndChains }
     };
     let ends = network.links.iter().map(|link| [link.origin, link.end]);
     let Pruned { kept, .. } = Pruned::of(network.radii.len(), ends, bearing);

@@ -1,7 +1,7 @@
 //! Tied nodes in motion.
 
 use super::*;
-use crate::problem::dynamics::{InitialVelocity, StepRule};
+use crate::problem::dynamics::{InitialVelocity, TimeStepRule};
 use crate::problem::{MultiPointConstraint, ProblemError};
 use std::f64::consts::PI;
 
@@ -34,7 +34,7 @@ fn a_strip_with_periodic_sides_vibrates_like_a_beam_of_no_width() {
     let wave = PI / (count as f64 * side);
     let frequency = 2.0 / step * (speed * step / side * (0.5 * wave * side).sin()).asin();
     let mut mesh = strip(ElementKind::Q4, count, side);
-    let mut settings = DynamicSettings { step: StepRule::Fixed { step }, ..settings(3.0) };
+    let mut settings = DynamicSettings { step: TimeStepRule::Fixed { step }, ..settings(3.0) };
     thrown(&mut mesh, &mut settings, |[x, y, _]| [0.0, if y < 0.25 { 2e-3 * (wave * x).sin() } else { 0.0 }, 0.0]);
     let mut conditions = vec![periodic("bottom", "top", [Some(0.0), Some(0.0), None], Amplitude::RAMP)];
     conditions.extend(["left", "right"].into_iter().flat_map(|end| [Axis::X, Axis::Y].map(|axis| held(end, axis))));
@@ -55,7 +55,7 @@ fn a_strip_with_periodic_sides_vibrates_like_a_beam_of_no_width() {
 #[test]
 fn a_rigid_body_keeps_its_momentum() {
     let mut mesh = Block::plane([3.0, 2.0], [3, 2], ElementKind::Q4).mesh().unwrap();
-    let mut settings = DynamicSettings { step: StepRule::Fixed { step: 0.01 }, ..settings(2.0) };
+    let mut settings = DynamicSettings { step: TimeStepRule::Fixed { step: 0.01 }, ..settings(2.0) };
     thrown(&mut mesh, &mut settings, |[x, y, _]| [1e-3 * (3.0 * x + y).sin(), 1e-3 * (x - 2.0 * y).cos(), 0.0]);
     let start: Vec<[f64; 3]> = settings.initial_velocities.iter().map(|given| given.value).collect();
     // Every element gives a quarter of its 2 kg to each corner.

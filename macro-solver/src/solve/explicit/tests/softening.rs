@@ -4,7 +4,7 @@ use super::*;
 use crate::nonlocal::{Kernel, NonlocalError, NonlocalSettings};
 use crate::observer::Silent;
 use crate::problem::ProblemError;
-use crate::problem::dynamics::{InitialVelocity, RayleighDamping, StepRule};
+use crate::problem::dynamics::{InitialVelocity, RayleighDamping, TimeStepRule};
 use claims::Claim;
 
 /// Strain at which softening begins.
@@ -17,7 +17,7 @@ fn pulled(count: usize, radius: Option<f64>) -> (f64, f64) {
     let (speed, reach) = (2e-3, 2e-3);
     let mut mesh = strip(ElementKind::Q4Single, count, side);
     let mut settings = DynamicSettings {
-        step: StepRule::Fixed { step: 0.5 * side },
+        step: TimeStepRule::Fixed { step: 0.5 * side },
         damping: RayleighDamping { mass: 0.3, stiffness: 0.0 },
         reporting: Reporting::Steps(1_000_000),
         ..settings(1.0)

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::element::hourglass::HourglassControl;
-use crate::problem::dynamics::{InitialVelocity, MassScaling, RayleighDamping, StepRule};
+use crate::problem::dynamics::{InitialVelocity, MassScaling, RayleighDamping, TimeStepRule};
 use claims::Claim;
 
 /// A square of 6 x 6 elements with an edge struck by a velocity of 1e-3 m/s, free elsewhere.
@@ -19,7 +19,7 @@ fn struck(kind: ElementKind, settings: DynamicSettings, duration: f64) -> Proble
 /// The largest step that a body of this kind allows: the highest frequency of its assembly by power iteration on the run itself
 /// would be circular, so elements of one size that fill the body are used, whose bound is that of the mesh to some percent.
 fn stable_step(kind: ElementKind) -> f64 {
-    let settings = DynamicSettings { step: StepRule::Stable { safety: 1.0 }, ..settings(2.0) };
+    let settings = DynamicSettings { step: TimeStepRule::Stable { safety: 1.0 }, ..settings(2.0) };
     let problem = struck(kind, settings, 1e3);
     completed_start(&problem)
 }
@@ -48,8 +48,8 @@ fn a_step_one_percent_beyond_the_critical_one_is_stopped_within_fifty_steps() {
             let settings = DynamicSettings { step, initial_velocities: vec![start.clone()], ..settings(2.0) };
             problem(mesh.clone(), Vec::new(), 100.0, settings)
         };
-        let critical = completed_start(&with(StepRule::Stable { safety: 1.0 }));
-        let beyond = with(StepRule::Fixed { step: 1.01 * critical });
+        let critical = completed_start(&with(TimeStepRule::Stable { safety: 1.0 }));
+        let beyond = with(TimeStepRule::Fixed { step: 1.01 * critical });
         let (outcome, film) = run(&beyond, &mut elastic(&beyond, 1.0, 1.0));
         match &outcome.outcome {
             Outcome::Unstable { step, .. } => {
@@ -59,7 +59,7 @@ fn a_step_one_percent_beyond_the_critical_one_is_stopped_within_fifty_steps() {
             other => panic!("{kind:?}: {other:?}"),
         }
         assert!(film.instants.iter().all(|instant| instant.energy.residual().is_finite()));
-        let below = with(StepRule::Fixed { step: 0.99 * critical });
+        let below = with(TimeStepRule::Fixed { step: 0.99 * critical });
         completed(&below, &mut elastic(&below, 1.0, 1.0));
     }
 }
@@ -70,7 +70,7 @@ fn a_step_one_percent_beyond_the_critical_one_is_stopped_within_fifty_steps() {
 fn an_unstable_mesh_is_stopped_and_a_stable_one_keeps_its_energy() {
     for kind in [ElementKind::Q4, ElementKind::Q4Single, ElementKind::T3] {
         let critical = stable_step(kind);
-        let fast = DynamicSettings { step: StepRule::Fixed { step: 1.25 * critical }, ..settings(2.0) };
+        let fast = DynamicSettings { step: TimeStepRule::Fixed { step: 1.25 * critical }, ..settings(2.0) };
         let problem = struck(kind, fast, 200.0 * critical);
         let (outcome, _) = run(&problem, &mut elastic(&problem, 1.0, 1.0));
         match outcome.outcome {
@@ -84,7 +84,7 @@ fn an_unstable_mesh_is_stopped_and_a_stable_one_keeps_its_energy() {
             }
             other => panic!("{kind:?}: {other:?}"),
         }
-        let calm = DynamicSettings { step: StepRule::Stable { safety: 0.9 }, longest_excess: 0, ..settings(2.0) };
+        let calm = DynamicSettings { step: TimeStepRule::Stable { safety: 0.9 }, longest_excess: 0, ..settings(2.0) };
         let problem = struck(kind, calm, 500.0 * critical);
         let film = completed(&problem, &mut elastic(&problem, 1.0, 1.0));
         let energy = film.last().energy;

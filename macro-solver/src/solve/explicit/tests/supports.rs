@@ -1,7 +1,7 @@
 //! Supports whose velocity or acceleration is prescribed, and smooth starts, against d'Alembert's solution.
 
 use super::*;
-use crate::problem::dynamics::StepRule;
+use crate::problem::dynamics::TimeStepRule;
 use crate::problem::{Moment, Rate, RateHistory, SmoothRamp};
 
 /// P-wave modulus 12 Pa, density, side of an element: a P-wave speed of 2 m/s.
@@ -19,7 +19,7 @@ fn rate(rate: Rate, history: Amplitude) -> Amplitude {
 fn led(value: f64, history: Amplitude) -> Problem {
     let (step, steps) = (SIDE / SPEED, 38);
     let conditions = vec![moved("left", Axis::X, value, history), held("all", Axis::Y)];
-    let settings = DynamicSettings { step: StepRule::Fixed { step }, ..settings(DENSITY) };
+    let settings = DynamicSettings { step: TimeStepRule::Fixed { step }, ..settings(DENSITY) };
     problem(strip(ElementKind::Q4, 40, SIDE), conditions, f64::from(steps) * step, settings)
 }
 
@@ -69,6 +69,30 @@ fn a_velocity_is_met_where_it_changes_and_at_the_start() {
         let path = instant.displacements[node][0] - before;
         let mean = 0.5 * (at(instant.time) + at(instant.time - step));
         assert!(corner || (path / step - mean).abs() < 1e-12, "the path over instant {number}");
+    }
+}
+
+/// A history that ends with the stage while it still moves: the last instant has its velocity, no acceleration and the force of the wave, as
+/// the instants before. It was that of a support that is stopped at once.
+#[test]
+fn a_history_that_ends_with_the_stage_moves_in_its_last_instant() {
+    let duration = 38.0 * SIDE / SPEED;
+    let table = Amplitude::Table(vec![[0.0, 0.0], [duration, 1.0]]);
+    let shape = SmoothRamp { start: 0.25, stop: 0.0 };
+    let speeds =
+        [(table, 0.1), (Amplitude::SmoothRamp { from: 0.0, to: 1.0, shape }, 0.1 / 0.875), (Amplitude::RAMP, 0.1)];
+    for (history, velocity) in speeds {
+        let problem = led(0.1 * duration, history.clone());
+        let film = completed(&problem, &mut elastic(&problem, LAMBDA, SHEAR));
+        let left = &problem.mesh.node_sets["left"];
+        let last = film.last();
+        for &node in left {
+            let found = [last.velocities[node][0], last.accelerations[node][0]];
+            assert!((found[0] - velocity).abs() < 1e-12 && found[1].abs() < 1e-11, "{found:?} with {history:?}");
+            assert_eq!(last.displacements[node][0], 0.1 * duration);
+        }
+        let force: f64 = left.iter().map(|&node| last.reactions[node][0]).sum();
+        assert!((force - DENSITY * SPEED * SIDE * velocity).abs() < 1e-11, "{force} with {history:?}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! H-9, I-5 and the absorbing boundary: waves along bars and columns.
 
 use super::*;
-use crate::problem::dynamics::{InitialVelocity, StepRule};
+use crate::problem::dynamics::{InitialVelocity, TimeStepRule};
 use claims::Claim;
 use std::f64::consts::{PI, TAU};
 
@@ -16,7 +16,7 @@ fn impact(kind: ElementKind, count: usize, courant: f64, steps: usize) -> Proble
     let step = courant * SIDE / 2.0;
     let duration = steps as f64 * step;
     let push = moved("left", Axis::X, 0.1 * duration, Amplitude::RAMP);
-    let settings = DynamicSettings { step: StepRule::Fixed { step }, ..settings(DENSITY) };
+    let settings = DynamicSettings { step: TimeStepRule::Fixed { step }, ..settings(DENSITY) };
     problem(strip(kind, count, SIDE), vec![push, held("all", Axis::Y)], duration, settings)
 }
 
@@ -52,7 +52,7 @@ fn vibrations_below_courant_one_have_the_discrete_frequency() {
     let frequency = 2.0 / step * (courant * (0.5 * wave * SIDE).sin()).asin();
     let duration = TAU / frequency * 3.3;
     let mut mesh = strip(ElementKind::Q4, count, SIDE);
-    let mut settings = DynamicSettings { step: StepRule::Fixed { step }, ..settings(DENSITY) };
+    let mut settings = DynamicSettings { step: TimeStepRule::Fixed { step }, ..settings(DENSITY) };
     for node in 0..mesh.nodes.len() {
         let name = format!("node {node}");
         let value = [1e-3 * (wave * mesh.nodes[node][0]).sin(), 0.0, 0.0];

@@ -1,7 +1,7 @@
 //! Pair lists of earlier trials. Trials of one packing begin from states that differ little, so a list found for one of them is
 //! often complete for the next. Which list is taken cannot reach a result.
 
-use super::listing::Listing;
+use super::neighbour_list::NeighbourList;
 use crate::cell::{Cell, PairKey};
 use crate::space::{Components, Space, Tensor, add_scaled, apply, inverse, norm, product, transpose};
 
@@ -24,17 +24,17 @@ struct Remembered<S: Space> {
 
 /// Lists of earlier trials, the last one used at the end.
 #[derive(Clone, Debug)]
-pub(super) struct ListingMemory<S: Space> {
+pub(super) struct NeighbourListMemory<S: Space> {
     lists: Vec<Remembered<S>>,
 }
 
-impl<S: Space> Default for ListingMemory<S> {
+impl<S: Space> Default for NeighbourListMemory<S> {
     fn default() -> Self {
         Self { lists: Vec::new() }
     }
 }
 
-impl<S: Space> ListingMemory<S> {
+impl<S: Space> NeighbourListMemory<S> {
     /// A list that is complete for these positions, with its age; the one used last is tried first. `range` is the largest distance of
     /// the centres of a listed pair without the `skin`, m.
     pub(super) fn recall(
@@ -43,16 +43,16 @@ impl<S: Space> ListingMemory<S> {
         positions: impl Fn(usize) -> S::Vector,
         range: f64,
         skin: f64,
-    ) -> Option<Listing<S>> {
+    ) -> Option<NeighbourList<S>> {
         let aged = |list: &Remembered<S>| list.aged(cell, &positions, range, skin);
-        let (place, listing) = self
+        let (place, neighbour_list) = self
             .lists
             .iter()
             .enumerate()
             .rev()
-            .find_map(|(place, list)| aged(list).map(|listing| (place, listing)))?;
+            .find_map(|(place, list)| aged(list).map(|neighbour_list| (place, neighbour_list)))?;
         self.lists[place..].rotate_left(1);
-        Some(listing)
+        Some(neighbour_list)
     }
 
     /// Keeps a list that was found for these positions.
@@ -72,7 +72,7 @@ impl<S: Space> Remembered<S> {
         positions: impl Fn(usize) -> S::Vector,
         range: f64,
         skin: f64,
-    ) -> Option<Listing<S>> {
+    ) -> Option<NeighbourList<S>> {
         let deformation = product(&transpose(&cell.rows), &inverse(&transpose(&self.cell.rows)));
         let stretch = norm(&add_scaled(&deformation, -1.0, &S::Tensor::IDENTITY));
         let left = (1.0 - SHARE_LEFT) * skin - stretch * range;
@@ -90,7 +90,7 @@ impl<S: Space> Remembered<S> {
             }
             largest_square = largest_square.max(square);
         }
-        Some(Listing::aged(&self.cell, self.keys.clone(), largest_square.sqrt(), stretch))
+        Some(NeighbourList::aged(&self.cell, self.keys.clone(), largest_square.sqrt(), stretch))
     }
 }
 
@@ -125,7 +125,7 @@ mod tests {
             strain in proptest::array::uniform4(-0.03..0.03f64), scale in 0.0..1.0f64,
         ) {
             let cell = Cell::<Discs> { rows: [[4.0, 0.0], [0.3, 4.0]] };
-            let mut memory = ListingMemory::<Discs>::default();
+            let mut memory = NeighbourListMemory::<Discs>::default();
             memory.keep(&cell, points.clone(), &found(&cell, &points));
             let [a, b, c, d] = strain.map(|component| scale * component);
             let f = [[1.0 + a, b], [c, 1.0 + d]];
@@ -136,9 +136,9 @@ mod tests {
                 .map(|(point, own)| apply(&f, *point).plus(own.times(scale)))
                 .collect();
             match memory.recall(&later, |grain| moved[grain], 1.0, SKIN) {
-                Some(listing) => {
-                    prop_assert!(listing.is_complete(1.0, SKIN));
-                    prop_assert!(touching(&later, &moved).iter().all(|key| listing.keys.contains(key)));
+                Some(neighbour_list) => {
+                    prop_assert!(neighbour_list.is_complete(1.0, SKIN));
+                    prop_assert!(touching(&later, &moved).iter().all(|key| neighbour_list.keys.contains(key)));
                 }
                 // Nothing has moved by more than this.
                 None => prop_assert!(scale > 0.2),
@@ -150,7 +150,7 @@ mod tests {
     fn the_list_used_last_is_kept_longest_and_far_states_find_none() {
         let cell = Cell::<Discs> { rows: [[40.0, 0.0], [0.0, 40.0]] };
         let places = |shift: f64| (0..20).map(|grain| [f64::from(grain) + shift, shift]).collect::<Vec<_>>();
-        let mut memory = ListingMemory::<Discs>::default();
+        let mut memory = NeighbourListMemory::<Discs>::default();
         for number in 0..MOST_LISTS {
             memory.keep(&cell, places(number as f64), &found(&cell, &places(number as f64)));
         }

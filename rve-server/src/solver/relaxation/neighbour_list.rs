@@ -6,31 +6,31 @@ use std::cmp::Ordering;
 
 /// Pairs that may touch, and the motion since they were listed.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Listing<S: Space> {
+pub(crate) struct NeighbourList<S: Space> {
     /// Sorted.
     pub(crate) keys: Vec<PairKey<S>>,
     listed_cell: S::Tensor,
-    wandered: f64,
+    largest_motion: f64,
     stretch: f64,
 }
 
-impl<S: Space> Listing<S> {
-    /// Pairs listed for another cell, after grains have moved by up to `wandered`, m, against an affine motion that differs from
+impl<S: Space> NeighbourList<S> {
+    /// Pairs listed for another cell, after grains have moved by up to `largest_motion`, m, against an affine motion that differs from
     /// none by a tensor of the norm `stretch`.
-    pub(crate) fn aged(listed_cell: &Cell<S>, keys: Vec<PairKey<S>>, wandered: f64, stretch: f64) -> Self {
-        Self { keys, listed_cell: listed_cell.rows, wandered, stretch }
+    pub(crate) fn aged(listed_cell: &Cell<S>, keys: Vec<PairKey<S>>, largest_motion: f64, stretch: f64) -> Self {
+        Self { keys, listed_cell: listed_cell.rows, largest_motion, stretch }
     }
 
     /// Notes that the pairs have just been listed.
     pub(crate) fn begin(&mut self, cell: &Cell<S>) {
         self.listed_cell = cell.rows;
-        self.wandered = 0.0;
+        self.largest_motion = 0.0;
         self.stretch = 0.0;
     }
 
     /// Notes that no grain has moved by more than `distance` against the affine motion.
-    pub(crate) fn wander(&mut self, distance: f64) {
-        self.wandered += distance;
+    pub(crate) fn add_motion(&mut self, distance: f64) {
+        self.largest_motion += distance;
     }
 
     /// Notes the cell as it is now.
@@ -42,7 +42,7 @@ impl<S: Space> Listing<S> {
     /// Whether no unlisted pair can touch by now. It was at least the skin away from touching; its branch vector has
     /// since been stretched by the cell's deformation and by both grains' own motion.
     pub(crate) fn is_complete(&self, range: f64, skin: f64) -> bool {
-        2.0 * self.wandered * (1.0 + 2.0 * self.stretch) + self.stretch * range < skin
+        2.0 * self.largest_motion * (1.0 + 2.0 * self.stretch) + self.stretch * range < skin
     }
 }
 

@@ -9,10 +9,10 @@ const ROUNDING: f64 = 1e-12;
 
 /// Velocities of a dynamic stage, and what bore the body at its end. By degree of freedom.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Carried {
+pub(crate) struct Handover {
     /// m/s; `None` after a stage without motion.
     pub(super) velocity: Option<Vec<f64>>,
-    bearing: Vec<Bearing>,
+    supported_by: Vec<SupportedBy>,
     /// What followed others, with those that it followed.
     links: BTreeMap<usize, Vec<usize>>,
     /// Forces of supports and links at the end of a motion, N; `None` after a stage without one.
@@ -25,7 +25,7 @@ pub(crate) struct Carried {
 
 /// What acted on a degree of freedom besides loads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Bearing {
+enum SupportedBy {
     Nothing,
     /// A link to others that were free to move.
     Link,
@@ -33,25 +33,25 @@ enum Bearing {
     Support,
 }
 
-impl Carried {
+impl Handover {
     /// After a stage with these constraints, these forces of the loads at its end (N), and this motion if it had one.
     pub(crate) fn after(integrator: Option<Integrator>, constraints: &Constraints, loads: Vec<f64>) -> Self {
         let (velocity, reactions, held) = match integrator {
             Some(Integrator { velocity, forces, held, .. }) => (Some(velocity), Some(forces.reactions), held),
             None => (None, None, Vec::new()),
         };
-        let bearing = |dof| {
+        let supported_by = |dof| {
             if constraints.is_given(dof) {
-                Bearing::Support
+                SupportedBy::Support
             } else if constraints.is_unloaded(dof) {
-                Bearing::Nothing
+                SupportedBy::Nothing
             } else {
-                Bearing::Link
+                SupportedBy::Link
             }
         };
         Self {
             velocity,
-            bearing: (0..constraints.count()).map(bearing).collect(),
+            supported_by: (0..constraints.count()).map(supported_by).collect(),
             links: constraints.followers().map(|(dof, masters)| (dof, numbers(masters))).collect(),
             reactions,
             held,
@@ -64,11 +64,11 @@ impl Carried {
     /// nothing, nor does one whose link goes on by itself (`is_linked_as_before`).
     pub(super) fn support(&self, dof: usize, missing: f64, is_linked_as_before: bool) -> f64 {
         let held = self.held.get(dof).copied().unwrap_or(0.0);
-        match (self.bearing.get(dof), &self.reactions) {
-            (Some(Bearing::Support), _) => missing,
-            (Some(Bearing::Link), None) if !is_linked_as_before => missing,
+        match (self.supported_by.get(dof), &self.reactions) {
+            (Some(SupportedBy::Support), _) => missing,
+            (Some(SupportedBy::Link), None) if !is_linked_as_before => missing,
             // In a motion balance asks for more than the link: for what accelerates the node.
-            (Some(Bearing::Link), Some(reactions)) if !is_linked_as_before => held + reactions[dof],
+            (Some(SupportedBy::Link), Some(reactions)) if !is_linked_as_before => held + reactions[dof],
             _ => held,
         }
     }
