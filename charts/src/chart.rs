@@ -60,6 +60,8 @@ struct Curve {
     name: String,
     points: Vec<[f64; 2]>,
     style: Style,
+    /// Lower and upper edge of a band over x.
+    band: Vec<[f64; 3]>,
 }
 
 /// Named curves over two axes.
@@ -103,7 +105,21 @@ impl Chart {
                 .all(|(value, (_, scale))| value.is_finite() && (*scale == Scale::Linear || *value > 0.0))
         };
         let points = points.into_iter().filter(drawable).collect();
-        self.curves.push(Curve { name: name.to_owned(), points, style });
+        self.curves.push(Curve { name: name.to_owned(), points, style, band: Vec::new() });
+    }
+
+    /// Gives the curve that was added last a band in its colour: places along the x axis, each with the lower and the upper edge there. Places
+    /// that cannot be drawn are left out.
+    pub fn band(&mut self, edges: impl IntoIterator<Item = [f64; 3]>) {
+        let is_drawable =
+            |value: f64, axis: usize| value.is_finite() && (self.axes[axis].1 == Scale::Linear || value > 0.0);
+        let band = edges
+            .into_iter()
+            .filter(|[x, low, high]| is_drawable(*x, 0) && is_drawable(*low, 1) && is_drawable(*high, 1))
+            .collect();
+        if let Some(curve) = self.curves.last_mut() {
+            curve.band = band;
+        }
     }
 
     /// The picture.
@@ -129,7 +145,11 @@ impl Chart {
 
     /// The smallest range with a margin that holds all points of one axis.
     fn range(&self, axis: usize) -> Range<f64> {
-        let values = self.curves.iter().flat_map(|curve| curve.points.iter().map(|point| point[axis]));
+        let of_curve = |curve: &Curve| {
+            let edges = curve.band.iter().flat_map(|[x, low, high]| [[*x, *low], [*x, *high]]);
+            curve.points.iter().copied().chain(edges).map(|point| point[axis]).collect::<Vec<_>>()
+        };
+        let values = self.curves.iter().flat_map(of_curve);
         let (low, high) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
         match self.axes[axis].1 {
@@ -217,9 +237,17 @@ impl Chart {
             .axis_desc_style(("sans-serif", 15))
             .light_line_style(WHITE)
             .draw()?;
+        // Below all curves.
+        let joined_curves = self.curves.iter().filter(|curve| curve.style == Style::Joined);
+        for (number, Curve { band, .. }) in joined_curves.enumerate().filter(|(_, curve)| !curve.band.is_empty()) {
+            let (colour, _) = look(number);
+            let upper = band.iter().map(|[x, _, high]| (*x, *high));
+            let lower = band.iter().rev().map(|[x, low, _]| (*x, *low));
+            chart.draw_series([Polygon::new(upper.chain(lower).collect::<Vec<_>>(), colour.mix(0.15))])?;
+        }
         let mut joined = 0;
         let mut dashes = DASHES.into_iter().cycle();
-        for Curve { name, points, style } in &self.curves {
+        for Curve { name, points, style, .. } in &self.curves {
             let line = points.iter().map(|point| (point[0], point[1]));
             match style {
                 Style::Joined => {
@@ -299,6 +327,16 @@ mod tests {
             assert!(!text.contains("NaN"));
         }
         assert!(Chart::new("nothing", ("x", Scale::Linear), ("y", Scale::Linear)).to_svg().is_ok());
+    }
+
+    #[test]
+    fn a_band_is_drawn_in_the_colour_of_its_curve_and_widens_the_axis() {
+        let mut chart = Chart::new("", ("x", Scale::Linear), ("y", Scale::Linear));
+        chart.curve("a", [[0.0, 1.0], [1.0, 1.0]]);
+        chart.band([[0.0, 0.5, 1.5], [1.0, f64::NAN, 2.0], [1.0, 0.0, 2.0]]);
+        assert!(chart.range(1).end > 2.0);
+        let text = chart.to_svg().unwrap();
+        assert!(text.contains("<polygon") && !text.contains("NaN"), "{text}");
     }
 
     /// Grains from 200 to 400 had no number on their axis.

@@ -4,6 +4,7 @@
 mod curve;
 mod ensemble;
 mod expected;
+mod mean_curves;
 mod pictures;
 mod statistics;
 mod tables;
@@ -37,6 +38,7 @@ Files in the output folder, NAME being that of the study:
   NAME.csv             numbers of the study against those that its file expects
   NAME-statistics.csv  samples, failed samples, mean, standard deviation of every quantity, recipe, test and size
   NAME-powers.csv      the power of the number of grains in the standard deviation, with its interval of 95 % confidence
+  NAME-curves.csv      mean curves: every measure over the strain, with the standard deviation of the samples
   NAME-samples.csv     the value of every sample, and why one is missing
   NAME-*.svg, NAME.json pictures; failed samples by name, machine, date and commit
 
@@ -178,6 +180,7 @@ fn deliver(
     };
     write("-samples.csv", &tables::samples_csv(results)?)?;
     write("-statistics.csv", &tables::statistics_csv(results)?)?;
+    write("-curves.csv", &tables::curves_csv(results)?)?;
     if study.sizes().len() > 1 {
         write("-powers.csv", &tables::powers_csv(results)?)?;
     }

@@ -1,6 +1,8 @@
 //! Pictures of a study: mean curves of every measure, and the scatter over the number of grains.
 
 use super::ensemble::Results;
+use super::mean_curves::mean_curve;
+use super::statistics::Statistics;
 use charts::{Chart, Scale};
 use scene_reader::{Ensemble, PathStrain};
 
@@ -27,7 +29,7 @@ fn name(results: &Results<'_>, ensemble: Ensemble, more: Option<&str>, has_size:
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// The mean of a measure over the samples whose paths reached their ends, over the strain.
+/// The mean of a measure over the samples whose paths reached their ends, over the strain, with a band of the standard deviation.
 fn means(results: &Results<'_>, measure: usize) -> Chart {
     let study = results.study;
     let shear = study.tests.iter().all(|test| test.strain == PathStrain::ShearXy);
@@ -38,7 +40,7 @@ fn means(results: &Results<'_>, measure: usize) -> Chart {
     };
     let quantity = results.measures[measure].keyword().replace('_', " ");
     let mut chart = Chart::new(
-        &format!("{}: {quantity}, mean of the samples", study.name),
+        &format!("{}: {quantity}, mean and standard deviation of the samples", study.name),
         (x, Scale::Linear),
         (&format!("{quantity}{unit}"), Scale::Linear),
     );
@@ -46,29 +48,21 @@ fn means(results: &Results<'_>, measure: usize) -> Chart {
         for test in 0..study.tests.len() {
             for size in 0..study.sizes().len() {
                 let ensemble = Ensemble { recipe, size, test, quantity: 0 };
-                let points = mean_curve(results, ensemble, measure);
-                if !points.is_empty() {
-                    chart.curve(&name(results, ensemble, None, true), points);
+                let rows = mean_curve(results, ensemble, measure);
+                if !rows.is_empty() {
+                    chart.curve(
+                        &name(results, ensemble, None, true),
+                        rows.iter().map(|row| [row.strain, row.statistics.mean]),
+                    );
+                    chart.band(rows.iter().filter(|row| row.statistics.count > 1).map(|row| {
+                        let Statistics { mean, deviation, .. } = row.statistics;
+                        [row.strain, mean - deviation, mean + deviation]
+                    }));
                 }
             }
         }
     }
     chart
-}
-
-fn mean_curve(results: &Results<'_>, ensemble: Ensemble, measure: usize) -> Vec<[f64; 2]> {
-    let paths: Vec<_> = results
-        .of(ensemble.recipe, ensemble.size)
-        .filter_map(|sample| sample.paths.as_ref().ok())
-        .map(|paths| &paths[ensemble.test])
-        .filter(|path| path.stopped.is_none())
-        .collect();
-    let rows = paths.iter().map(|path| path.strain.len()).min().unwrap_or(0);
-    let mean = |value: &dyn Fn(usize) -> f64| (0..paths.len()).map(value).sum::<f64>() / paths.len() as f64;
-    (0..rows)
-        .map(|row| [mean(&|path| paths[path].strain[row]), mean(&|path| paths[path].measures[measure][row])])
-        .filter(|point| point[1].is_finite())
-        .collect()
 }
 
 /// Standard deviations over the number of grains, with the fitted powers and the slope of -1/2.

@@ -1,6 +1,7 @@
 //! Tables of a study: samples, statistics, powers; as CSV and for the screen.
 
 use super::ensemble::Results;
+use super::mean_curves::{MeanRow, curves_of, mean_curve};
 use crate::exit::{Exit, Failure};
 use charts::short;
 use scene_reader::Ensemble;
@@ -103,6 +104,44 @@ pub(super) fn statistics_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> 
         ];
         row.extend(numbers.map(exact));
         rows.push(row);
+    }
+    csv_of(rows)
+}
+
+/// A row for every row of every mean curve: what the pictures show.
+///
+/// # Errors
+/// The table cannot be encoded.
+pub(super) fn curves_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> {
+    let study = results.study;
+    let mut rows = vec![words([
+        "recipe",
+        "test",
+        "grains",
+        "measure",
+        "unit",
+        "strain",
+        "samples",
+        "mean",
+        "standard_deviation",
+        "standard_error",
+    ])];
+    for ensemble in curves_of(results) {
+        for (number, measure) in results.measures.iter().enumerate() {
+            for MeanRow { strain, statistics } in mean_curve(results, ensemble, number) {
+                let mut row = vec![
+                    study.recipes[ensemble.recipe].name.clone(),
+                    study.tests[ensemble.test].name.clone(),
+                    results.grains(ensemble.recipe, ensemble.size).to_string(),
+                    measure.keyword().to_owned(),
+                    measure.unit().to_owned(),
+                    exact(strain),
+                    statistics.count.to_string(),
+                ];
+                row.extend([statistics.mean, statistics.deviation, statistics.standard_error()].map(exact));
+                rows.push(row);
+            }
+        }
     }
     csv_of(rows)
 }

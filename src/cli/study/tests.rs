@@ -46,6 +46,14 @@ fn results_come_in_the_order_of_the_study_for_any_number_of_jobs() {
         statistics.lines().nth(1).unwrap().starts_with("dense,squeeze,12,pressure,mean_pressure,Pa,2,0,"),
         "{statistics}"
     );
+    // Rows of the mean curves: two sizes, two measures, the start and four increments; the mean is that of the samples.
+    assert_eq!(tables::curves_csv(&one).unwrap(), tables::curves_csv(&three).unwrap());
+    let curves = String::from_utf8(tables::curves_csv(&one).unwrap()).unwrap();
+    assert_eq!(curves.lines().count(), 1 + 2 * 2 * 5);
+    let last = curves.lines().rfind(|line| line.starts_with("dense,squeeze,12,mean_pressure,Pa,")).unwrap();
+    let mean: f64 = last.split(',').nth(7).unwrap().parse().unwrap();
+    let of_sample = |sample: usize| *one.samples[sample].paths.as_ref().unwrap()[0].measures[0].last().unwrap();
+    assert!((mean - 0.5 * (of_sample(0) + of_sample(1))).abs() < 1e-9 * mean.abs(), "{last}");
     let powers = String::from_utf8(tables::powers_csv(&one).unwrap()).unwrap();
     assert!(powers.lines().any(|line| line.starts_with("dense,squeeze,voids,2,")), "{powers}");
 }

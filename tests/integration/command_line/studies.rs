@@ -51,6 +51,7 @@ fn a_study_writes_the_same_tables_and_pictures_for_any_number_of_jobs() {
         "cell-size-powers.csv",
         "cell-size-samples.csv",
         "cell-size-statistics.csv",
+        "cell-size-curves.csv",
         "cell-size-scatter.svg",
     ] {
         assert!(names.contains(&name), "{name} is missing in {names:?}");
