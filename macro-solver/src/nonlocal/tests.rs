@@ -18,12 +18,13 @@ fn of_equal_points(
     NonlocalOperator::new(positions, &vec![1.0; positions.len()], periods, settings)
 }
 
+/// The same whether it is stable or not.
 fn unchecked_of_equal_points(
     positions: &[[f64; 3]],
     periods: &[[f64; 3]],
     settings: &NonlocalSettings,
 ) -> Result<NonlocalOperator, NonlocalError> {
-    NonlocalOperator::unchecked(positions, &vec![1.0; positions.len()], periods, settings)
+    of_equal_points(positions, periods, &NonlocalSettings { allow_unstable: true, ..settings.clone() })
 }
 
 /// The transpose leaves a uniform stress as it is, whatever the volumes of the points, near the ends of a body and in a periodic one, and a uniform

@@ -55,6 +55,15 @@ pub(super) fn samples_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> {
     csv_of(rows)
 }
 
+/// Recipe, test and number of grains of an ensemble.
+fn names_of(results: &Results<'_>, ensemble: Ensemble) -> Vec<String> {
+    vec![
+        results.study.recipes[ensemble.recipe].name.clone(),
+        results.study.tests[ensemble.test].name.clone(),
+        results.grains(ensemble.recipe, ensemble.size).to_string(),
+    ]
+}
+
 /// A row for every ensemble. `bias` is its mean minus that of the largest size.
 ///
 /// # Errors
@@ -84,16 +93,9 @@ pub(super) fn statistics_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> 
         let quantity = &study.quantities[ensemble.quantity];
         let number = |of: fn(&super::statistics::Statistics) -> f64| found.as_ref().map_or(f64::NAN, of);
         let bias = number(|one| one.mean) - largest.map_or(f64::NAN, |one| one.mean);
-        let mut row = vec![
-            study.recipes[ensemble.recipe].name.clone(),
-            study.tests[ensemble.test].name.clone(),
-            results.grains(ensemble.recipe, ensemble.size).to_string(),
-            quantity.name.clone(),
-            quantity.measure.keyword().to_owned(),
-            quantity.unit().to_owned(),
-            found.map_or(0, |one| one.count).to_string(),
-            failed.to_string(),
-        ];
+        let mut row = names_of(results, ensemble);
+        row.extend([&quantity.name, quantity.measure.keyword(), quantity.unit()].map(str::to_owned));
+        row.extend([found.map_or(0, |one| one.count).to_string(), failed.to_string()]);
         let numbers = [
             number(|one| one.mean),
             number(|one| one.deviation),
@@ -113,7 +115,6 @@ pub(super) fn statistics_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> 
 /// # Errors
 /// The table cannot be encoded.
 pub(super) fn curves_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> {
-    let study = results.study;
     let mut rows = vec![words([
         "recipe",
         "test",
@@ -129,15 +130,9 @@ pub(super) fn curves_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> {
     for ensemble in curves_of(results) {
         for (number, measure) in results.measures.iter().enumerate() {
             for MeanRow { strain, statistics } in mean_curve(results, ensemble, number) {
-                let mut row = vec![
-                    study.recipes[ensemble.recipe].name.clone(),
-                    study.tests[ensemble.test].name.clone(),
-                    results.grains(ensemble.recipe, ensemble.size).to_string(),
-                    measure.keyword().to_owned(),
-                    measure.unit().to_owned(),
-                    exact(strain),
-                    statistics.count.to_string(),
-                ];
+                let mut row = names_of(results, ensemble);
+                row.extend([measure.keyword(), measure.unit()].map(str::to_owned));
+                row.extend([exact(strain), statistics.count.to_string()]);
                 row.extend([statistics.mean, statistics.deviation, statistics.standard_error()].map(exact));
                 rows.push(row);
             }

@@ -5,7 +5,7 @@
 use claims::Claim;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 
 /// Pressure across the slope, Pa, and weight across it, N/m3, of the scene.
 const PRESSURE: f64 = 1.0e5;
@@ -27,17 +27,23 @@ fn columns<const N: usize>(text: &str, names: [&str; N]) -> Vec<[f64; N]> {
     rows.map(|row| places.map(|place| row[place].parse().unwrap())).collect()
 }
 
+/// Runs the scene in its small size with these settings.
+fn run_slope(out: &Path, settings: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_grainspan"))
+        .args(["run", "scenes/geotechnics/slope-friction.toml", "--size", "small", "--workers", "2", "--out"])
+        .arg(out)
+        .args(settings.iter().flat_map(|setting| ["--set", setting]))
+        .current_dir(root())
+        .output()
+        .unwrap()
+}
+
 /// Share of the friction that the slope can do without.
 fn share_to_spare(folder: &Path, tangent: f64) -> f64 {
     let out = folder.join("slope");
-    let ran = Command::new(env!("CARGO_BIN_EXE_grainspan"))
-        .args(["run", "scenes/geotechnics/slope-friction.toml", "--size", "small", "--workers", "2", "--out"])
-        .arg(&out)
-        .args(["--set", &format!("stage.0.body_force.0.value.x={}", tangent * WEIGHT)])
-        .args(["--set", &format!("stage.0.traction.0.value.x={}", tangent * PRESSURE)])
-        .current_dir(root())
-        .output()
-        .unwrap();
+    let weight = format!("stage.0.body_force.0.value.x={}", tangent * WEIGHT);
+    let surcharge = format!("stage.0.traction.0.value.x={}", tangent * PRESSURE);
+    let ran = run_slope(&out, &[&weight, &surcharge]);
     let said = String::from_utf8_lossy(&ran.stderr).into_owned() + &String::from_utf8_lossy(&ran.stdout);
     assert_eq!(ran.status.code(), Some(1), "the slope fails: {said}");
     assert!(said.contains("of stage 'friction'"), "in its last stage: {said}");
@@ -118,22 +124,7 @@ fn grains_with_reduced_friction_slide_in_pictures_as_in_tables() {
         "output.grains=[5]",
         "output.fields_every=1",
     ];
-    let ran = Command::new(env!("CARGO_BIN_EXE_grainspan"))
-        .args([
-            "run",
-            "scenes/geotechnics/slope-friction.toml",
-            "--size",
-            "small",
-            "--workers",
-            "1",
-            "--quiet",
-            "--out",
-        ])
-        .arg(&out)
-        .args(settings.iter().flat_map(|setting| ["--set", setting]))
-        .current_dir(root())
-        .output()
-        .unwrap();
+    let ran = run_slope(&out, &settings);
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
     let table = fs::read_to_string(out.join("points/point-0005.csv")).unwrap();
     let [fraction] = *columns(&table, ["sliding_fraction"]).last().unwrap();
