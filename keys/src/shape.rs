@@ -109,10 +109,10 @@ impl Bounds {
     /// The limits in words, such as `above 0 and at most 1`; empty without any.
     pub fn words(&self) -> String {
         let parts = [
-            self.above.map(|number| format!("above {number}")),
-            self.least.map(|number| format!("at least {number}")),
-            self.below.map(|number| format!("below {number}")),
-            self.most.map(|number| format!("at most {number}")),
+            self.above.map(|number| format!("above {}", shown(number))),
+            self.least.map(|number| format!("at least {}", shown(number))),
+            self.below.map(|number| format!("below {}", shown(number))),
+            self.most.map(|number| format!("at most {}", shown(number))),
             self.nonzero.then(|| "other than 0".to_owned()),
         ];
         parts.into_iter().flatten().collect::<Vec<_>>().join(" and ")
@@ -123,6 +123,11 @@ impl Bounds {
         let nonzero = schema.get("x-nonzero").and_then(Json::as_bool) == Some(true);
         Self { least: number(least), most: number(most), above: number(above), below: number(below), nonzero }
     }
+}
+
+/// A limit as people write it: without rows of zeros.
+fn shown(number: f64) -> String {
+    if number != 0.0 && !(1e-3..1e7).contains(&number.abs()) { format!("{number:e}") } else { number.to_string() }
 }
 
 const NUMBER: [&str; 4] = ["minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"];

@@ -73,7 +73,13 @@ impl Server {
         let (listener, site) = (Arc::new(self.listener), Arc::new(self.site));
         let serve = |listener: Arc<tiny_http::Server>, site: Arc<Site>| {
             while let Ok(request) = listener.recv() {
-                respond(&site, request);
+                if has_body(&request) {
+                    // The library waits for all of a body before it lets a request go. The page sends none; whoever does waits alone.
+                    let site = Arc::clone(&site);
+                    thread::spawn(move || respond(&site, request));
+                } else {
+                    respond(&site, request);
+                }
             }
         };
         let others: Vec<_> = (1..THREADS)
@@ -88,6 +94,11 @@ impl Server {
             let _ = other.join();
         }
     }
+}
+
+fn has_body(request: &Request) -> bool {
+    let is_chunked = || request.headers().iter().any(|header| header.field.equiv("Transfer-Encoding"));
+    request.body_length().map_or_else(is_chunked, |length| length > 0)
 }
 
 fn respond(site: &Site, request: Request) {
@@ -385,6 +396,26 @@ mod tests {
         assert!(get("/").starts_with("HTTP/1.1 404"));
         let page = get(address.trim_start_matches(&format!("http://{place}")));
         assert!(page.starts_with("HTTP/1.1 200") && page.contains("<!DOCTYPE html>"), "{page}");
+        // Bodies that never come occupied every thread.
+        let half_sent: Vec<TcpStream> = (0..=THREADS)
+            .map(|_| {
+                let mut stream = TcpStream::connect(place).unwrap();
+                write!(stream, "POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5000\r\n\r\n").unwrap();
+                stream
+            })
+            .collect();
+        thread::sleep(std::time::Duration::from_millis(100));
+        let (sender, receiver) = std::sync::mpsc::channel();
+        thread::spawn(move || {
+            let mut stream = TcpStream::connect(place).unwrap();
+            write!(stream, "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+            let mut text = Vec::new();
+            stream.read_to_end(&mut text).unwrap();
+            let _ = sender.send(text);
+        });
+        let text = receiver.recv_timeout(std::time::Duration::from_secs(20)).expect("an answer in spite of them");
+        assert!(text.starts_with(b"HTTP/1.1 404"));
+        drop(half_sent);
     }
 
     #[test]

@@ -128,6 +128,9 @@ pub unsafe extern "C" fn grainspan_new_states(
     guarded(|| {
         // SAFETY: as promised by the caller.
         let (pool, states) = unsafe { (opened(pool)?, slice_mut(states, count)) };
+        if count == 0 {
+            return Ok(());
+        }
         let states = states.ok_or_else(|| Failure::input("`states` is a null pointer"))?;
         let first = pool.new_states(cell, count)?;
         states.iter_mut().zip(first..).for_each(|(place, number)| *place = number);

@@ -54,15 +54,7 @@ impl Material {
         if self.pool.dimension() != 2 {
             return Ok(*target);
         }
-        let out_of_plane = (0..9).filter(|place| place / 3 == 2 || place % 3 == 2).map(|place| target.0[place].abs());
-        let largest = out_of_plane.fold(0.0, f64::max);
-        if largest > NO_STRAIN {
-            return Err(Failure::input(format!(
-                "cells of discs serve plane strain alone, and this step strains by {largest:.1e} out of their plane; take a packing of \
-                 spheres for solids and axial symmetry"
-            )));
-        }
-        Ok(Tensor2::from_plane(target.plane()))
+        in_plane(target)
     }
 
     /// The tangent operator that hosts get where they do not say more.
@@ -140,6 +132,23 @@ fn number<T: FromStr>(name: &str) -> Result<Option<T>, Failure> {
     text.trim().parse().map(Some).map_err(wrong)
 }
 
+/// The part of a displacement gradient that cells of discs take.
+///
+/// # Errors
+/// It strains out of their plane, or holds a number that is none there.
+fn in_plane(target: &Tensor2) -> Result<Tensor2, Failure> {
+    let out_of_plane = (0..9).filter(|place| place / 3 == 2 || place % 3 == 2).map(|place| target.0[place].abs());
+    // A number that is none is larger than any.
+    let largest = out_of_plane.max_by(f64::total_cmp).unwrap_or(0.0);
+    if largest.is_nan() || largest > NO_STRAIN {
+        return Err(Failure::input(format!(
+            "cells of discs serve plane strain alone, and this step strains by {largest:.1e} out of their plane; take a packing of \
+             spheres for solids and axial symmetry"
+        )));
+    }
+    Ok(Tensor2::from_plane(target.plane()))
+}
+
 fn open() -> Result<Material, Failure> {
     let ramp_steps = number(RAMP_STEPS)?.unwrap_or(0);
     let strains = match optional(STRAINS)?.as_deref() {
@@ -173,4 +182,24 @@ pub(crate) fn material() -> Result<&'static Material, Failure> {
     static OPENED: OnceLock<Result<Material, Failure>> = OnceLock::new();
     let opened = OPENED.get_or_init(open).as_ref();
     opened.map_err(Failure::clone)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_of_discs_take_strains_in_their_plane_alone() {
+        let with = |place: usize, value: f64| {
+            let mut target = Tensor2::from_plane([[1e-4, 2e-4], [0.0, -1e-3]]);
+            target.0[place] = value;
+            in_plane(&target)
+        };
+        assert_eq!(with(0, 3e-4).unwrap().plane(), [[3e-4, 2e-4], [0.0, -1e-3]]);
+        assert!(with(8, 1e-3).unwrap_err().text.contains("strains by 1.0e-3 out of their plane"));
+        // It was taken for no strain.
+        for place in [2, 5, 6, 7, 8] {
+            assert!(with(place, f64::NAN).is_err(), "{place}");
+        }
+    }
 }

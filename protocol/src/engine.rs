@@ -238,7 +238,7 @@ pub enum RveError {
     /// The step cap ended the solver before the grains were in equilibrium, and the options accept no result then.
     #[error(
         "the grains did not come to rest: strain {strain:.3e} of {target:.3e} applied in {increments} of {of} increments, \
-         unbalanced {unbalanced:.2e} against a tolerance of {tolerance:.2e} after {force_evaluations} force evaluations; \
+         with a force ratio of {unbalanced:.2e} (tolerance {tolerance:.2e}) at the end of {force_evaluations} force evaluations; \
          use smaller steps, or raise the step cap: rve.max_steps, or rve.max_evaluations where it is given"
     )]
     NotEquilibrated {

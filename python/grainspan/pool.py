@@ -204,5 +204,7 @@ class Pool:
         self.close()
 
     def _own(self, states: States) -> None:
+        if not isinstance(states, States):
+            raise InputError(f"points are named by the States that Pool.states returns, not by {type(states).__name__}")
         if states._pool is not self:
             raise InputError("these states belong to another pool")

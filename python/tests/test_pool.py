@@ -126,6 +126,9 @@ def test_arguments_are_checked(pool):
         grainspan.Pool([DISCS, SPHERES], CONTACT, workers=1)
     pool.trial(states, gradients(2, 1e-4))
     pool.commit(states)
+    for call in (pool.commit, pool.rollback, pool.snapshot):
+        with pytest.raises(grainspan.InputError, match="not by list"):
+            call([0])
     sound = pool.snapshot(states)
     with pytest.raises(grainspan.InputError, match="snapshot 1 of the call.*damaged"):
         pool.restore(states, [sound[0], sound[1][:-1] + bytes([sound[1][-1] ^ 1])])

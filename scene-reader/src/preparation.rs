@@ -165,8 +165,8 @@ impl Scene {
                 ),
             )
             .hint(
-                "grains bear no tension and only so much shear: give a surcharge, a rest_coefficient that their friction allows, or \
-                 a denser packing",
+                "grains bear no tension and only so much shear: give a surcharge, a rest_coefficient that their friction allows (with \
+                 `equilibrium`, a smaller friction_angle), or a denser packing",
             )
     }
 }

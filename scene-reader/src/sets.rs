@@ -83,7 +83,8 @@ fn check<'a>(
     }
     let hint = match &available[..] {
         [] | ["all"] => format!(
-            "there is {}; name one in Gmsh with `Physical {entity}(\"{}\") = {{...}}` and save the mesh again",
+            "there is {}; name one in Gmsh with `Physical {entity}(\"{}\") = {{...}}` and save the mesh again (format 2.2: without Mesh.SaveAll, \
+             which saves no groups)",
             if available.is_empty() { "none at all" } else { "only 'all', which every mesh has" },
             name.get_ref()
         ),

@@ -17,7 +17,8 @@ const PAUSE: Duration = Duration::from_millis(50);
 #[command(after_help = "Examples:
   grainspan ctl out/biaxial pause
   grainspan ctl out/biaxial checkpoint --wait
-  grainspan ctl out/biaxial stop --wait && grainspan run scenes/biaxial.toml --resume
+  grainspan ctl out/biaxial stop --wait && \\
+      grainspan run scenes/biaxial.toml --resume
 
 Requests act after the step that is being solved. None of them changes a result.")]
 pub(crate) struct Arguments {

@@ -37,11 +37,11 @@ use std::process::ExitCode;
 const EXAMPLES: &str = "\
 Examples:
   grainspan check scenes/biaxial.toml                validate a scene without running it
-  grainspan run scenes/biaxial.toml                  run it, one worker per core, into out/biaxial
+  grainspan run scenes/biaxial.toml                  run it on all cores, into out/biaxial
   grainspan run scenes/biaxial.toml --workers 2 --set loading.increments=80
-  grainspan watch out/biaxial                        look at it in a browser while it runs
+  grainspan watch out/biaxial                        look at it in a browser meanwhile
   grainspan pack packings/discs-400.toml --out packing.json
-  grainspan element scenes/rve-biaxial.toml --out curve.csv   one packing along a strain/stress path
+  grainspan element scenes/rve-biaxial.toml --out curve.csv   one packing along a path
 
 Exit codes: 0 done; 1 did not converge; 2 bad input; 3 workers lost; 130 interrupted.";
 
@@ -129,5 +129,31 @@ pub fn run_command_line(arguments: impl IntoIterator<Item = OsString>) -> ExitCo
             tell(format_args!("error: {failure}"));
             failure.exit.code()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    /// The help is wrapped at the width of the terminal: a longer command is torn apart, and cannot be copied.
+    #[test]
+    fn examples_fit_into_a_narrow_terminal() {
+        let program = CommandLine::command();
+        let mut checked = 0;
+        for command in program.get_subcommands().chain([&program]) {
+            let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            for line in text.lines().filter(|line| line.starts_with("  ")) {
+                let is_command = line.contains("grainspan ") || line.trim_start().starts_with("--");
+                // What stands behind a gap is a comment.
+                let indent = line.len() - line.trim_start().len();
+                let command_alone = line.trim_start().split("   ").next().unwrap_or_default();
+                let width = indent + command_alone.chars().count();
+                assert!(!is_command || width <= 80, "{}: {line}", command.get_name());
+                checked += usize::from(is_command);
+            }
+        }
+        assert!(checked > 30, "{checked}");
     }
 }

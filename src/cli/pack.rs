@@ -15,7 +15,8 @@ use std::path::PathBuf;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   grainspan pack packings/discs-400.toml --out packings/discs-400.json
-  grainspan pack packings/discs-400.toml --set seed=7 --set contact.friction=0.2 --out loose.json")]
+  grainspan pack packings/discs-400.toml --set seed=7 \\
+      --set contact.friction=0.2 --out loose.json")]
 pub(crate) struct Arguments {
     /// Recipe: grading, number, stress, preparation friction, targets, seed; see docs/guide/packings.md
     #[arg(value_name = "PACKING.toml")]

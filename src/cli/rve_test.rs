@@ -27,10 +27,14 @@ use std::rc::Rc;
 #[command(after_help = "Examples:
   grainspan element scenes/rve-biaxial.toml > curve.csv
   grainspan element --replay out/biaxial/quarantine.replay
-  grainspan element scenes/rve-biaxial.toml --tangent truss_like --set rve.accuracy=tight --out curve.csv
-  grainspan element scenes/rve-biaxial.toml --contacts out/contacts --contacts-at 0,10,20 --out curve.csv
-  grainspan element scenes/rve-biaxial.toml --contacts out/contacts --fluctuations-from 0 --out curve.csv
-  grainspan element scenes/rve-biaxial.toml --sweep contact.friction=0.1:0.7:7 --out friction.csv")]
+  grainspan element scenes/rve-biaxial.toml --tangent truss_like \\
+      --set rve.accuracy=tight --out curve.csv
+  grainspan element scenes/rve-biaxial.toml --contacts out/contacts \\
+      --contacts-at 0,10,20 --out curve.csv
+  grainspan element scenes/rve-biaxial.toml --contacts out/contacts \\
+      --fluctuations-from 0 --out curve.csv
+  grainspan element scenes/rve-biaxial.toml \\
+      --sweep contact.friction=0.1:0.7:7 --out friction.csv")]
 pub(crate) struct Arguments {
     /// Element test: packing, contact law and path
     #[arg(value_name = "TEST.toml", required_unless_present = "replay")]
@@ -238,14 +242,19 @@ fn closing(summary: &ElementSummary) -> String {
     let fallbacks: Vec<String> = fallbacks.chain(summary.listed_forces.warning()).collect();
     let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };
     format!(
-        "{}, {} trials, {} force evaluations; fallbacks: {fallbacks}",
+        "{}, {}, {}; fallbacks: {fallbacks}",
         rows_in_words(summary.rows),
-        summary.trials,
-        summary.dem_steps
+        counted(summary.trials, "trial"),
+        counted(summary.dem_steps, "force evaluation")
     )
+}
+
+/// So many things, whose plural ends in s.
+fn counted(count: u64, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
 /// A number of rows in words.
 pub(super) fn rows_in_words(count: u64) -> String {
-    format!("{count} {}", if count == 1 { "row" } else { "rows" })
+    counted(count, "row")
 }

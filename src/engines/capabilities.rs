@@ -53,7 +53,13 @@ fn capabilities_within(engine: &Engine, timeout: Duration) -> anyhow::Result<Cap
     }
     // Some engines print a banner first.
     let line = stdout.lines().rfind(|line| line.starts_with('{'));
-    let Some(line) = line else { bail!("engine '{name}' printed no capabilities: {last}") };
+    let Some(line) = line else {
+        let printed = match stdout.trim().lines().last() {
+            Some(line) => format!("its last line is \"{:.80}\"", line.trim()),
+            None => "it printed nothing".to_owned(),
+        };
+        bail!("engine '{name}' printed no capabilities, which are a line of JSON: {printed}; {last}")
+    };
     serde_json::from_str(line).with_context(|| format!("engine '{name}' printed capabilities that cannot be read"))
 }
 
@@ -132,7 +138,9 @@ mod tests {
     fn an_engine_that_cannot_start_says_why() {
         let text = |engine: &Engine| format!("{:#}", capabilities_of(engine).unwrap_err());
         assert!(text(&shell("echo 'no module named x' >&2; exit 1")).contains("no module named x"));
-        assert!(text(&shell("echo hello")).contains("printed no capabilities"));
+        let greeting = text(&shell("echo hello"));
+        assert!(greeting.contains("printed no capabilities") && greeting.contains("\"hello\""), "{greeting}");
+        assert!(text(&shell("true")).contains("printed nothing"));
         let missing = Engine { program: "/nonexistent/engine".into(), ..shell("") };
         assert!(text(&missing).contains("cannot be started"));
     }

@@ -57,11 +57,17 @@ class JobRunner:
         self._by_path = replay or not rve_class.has_snapshots()
         self._most_alive = most_alive
         self._sources, self._states = {}, StateCache(state_cache)
+        # Faults of the engine over definitions, by their names.
+        self._broken = {}
         #: Jobs answered.
         self.jobs = 0
 
     def define(self, content):
-        """Builds an RVE; one that is already known is left alone. Raises an :class:`RveError`."""
+        """Builds an RVE; one that is already known is left alone.
+
+        Raises the engine's refusal, an :class:`RveError`. An engine that breaks down over a definition says nothing about it, and a refusal
+        would end the run: jobs that need it fail with the fault, as after a fault in a trial.
+        """
         name = name_of(content)
         if name in self._sources:
             return
@@ -77,10 +83,14 @@ class JobRunner:
                 self._sources[name] = PathSource(self._rve_class, definition, self._most_alive)
             else:
                 self._sources[name] = SnapshotSource(self._rve_class, definition)
+        except EngineFault as fault:
+            self._broken[name] = fault
         except RveError:
             raise
         except Exception as error:
-            raise _fault(error) from error
+            self._broken[name] = _fault(error)
+        else:
+            self._broken.pop(name, None)
 
     def answer(self, job, carried=b""):
         """Does one job; returns the wire record and its (state, error) bytes."""
@@ -114,8 +124,11 @@ class JobRunner:
             if name_of(carried) != wanted:
                 raise SnapshotRefused(f"the snapshot sent for state {short(wanted)} was damaged on its way")
             self._states.keep(wanted, carried)
-        source = self._sources.get(job["definition"].tobytes())
+        definition = job["definition"].tobytes()
+        source = self._sources.get(definition)
         if source is None:
+            if definition in self._broken:
+                raise self._broken[definition]
             return bare(job, "need_definition"), b"", b""
         if wanted in (NONE, source.initial_name):
             wanted, content = source.initial_name, source.initial

@@ -218,7 +218,9 @@ pub enum MeshError {
         determinant: f64,
     },
     /// A node that no element uses would leave the equations singular.
-    #[error("node {node} belongs to no element")]
+    #[error(
+        "node {node} belongs to no element: Gmsh saves no elements of a surface or volume that is in no physical group, if there is any group"
+    )]
     LooseNode {
         /// Node.
         node: usize,

@@ -26,6 +26,10 @@ impl Failure {
 pub(crate) fn failure(error: MaterialError) -> Failure {
     match error {
         MaterialError::Point { .. } if error.is_curable_by_smaller_step() => Failure::Attempt(error.to_string()),
+        // What an engine does not do at all.
+        MaterialError::Point { reason: protocol::RveError::Unsupported(_), .. } => {
+            Failure::Run(Outcome::DefinitionRefused { reason: error.to_string() })
+        }
         // Asking for less would only repeat it.
         MaterialError::Point { .. } => Failure::Run(Outcome::DidNotConverge { reason: error.to_string() }),
         MaterialError::Interrupted => Failure::Run(Outcome::Interrupted),

@@ -80,8 +80,8 @@ pub enum NonlocalError {
     },
     /// The radius reaches so many Gauss points that their table takes the memory and time of the machine: most likely a wrong unit.
     #[error(
-        "nonlocal.radius = {radius:e} m reaches more than {most} neighbours of a Gauss point or images of a periodic body; lengths are in m, and a \
-         radius of some elements is usual"
+        "nonlocal.radius = {radius:e} m reaches more than {most} neighbours of a Gauss point, images of a periodic body, or points of the unbounded grid \
+         whose stability is checked; lengths are in m, and a radius of some elements is usual"
     )]
     TooWide {
         /// Radius, m.

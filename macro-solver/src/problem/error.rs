@@ -178,6 +178,12 @@ pub enum ProblemError {
         /// What to do.
         remedy: &'static str,
     },
+    /// The load factor is to follow from displacements that it does not change.
+    #[error(
+        "loading.control measures displacements that do not depend on the load factor, since they are held, or those of a set relative to \
+         itself; measure a set that the load moves"
+    )]
+    NothingMeasured,
     /// A part of the mesh can still move as a rigid body.
     #[error("the supports leave the part of the mesh around element {element} free to {motion}; hold another node")]
     RigidMotion {

@@ -101,6 +101,9 @@ impl Behaviour {
 /// The speed of sound is wanted. A packing has another one in every direction, and its tangent is not symmetric; a host that chose its
 /// time step by one number would take what nobody has measured.
 fn wanted(kind: f64, usual: TangentKind) -> Result<(TangentKind, bool), Failure> {
+    if kind.is_nan() {
+        return Err(Failure::input("K[0], which says what is asked for, is not a number"));
+    }
     if kind > WITH_SPEED {
         return Err(Failure::input(format!(
             "K[0] = {kind} asks for the speed of sound, which cells do not give; call without it, and take it from the tangent operator and \
@@ -286,5 +289,7 @@ mod tests {
             let error = wanted(kind, TangentKind::TrussLikeSlip).unwrap_err().text;
             assert!(error.contains("speed of sound"), "{error}");
         }
+        let error = wanted(f64::NAN, TangentKind::TrussLikeSlip).unwrap_err().text;
+        assert!(error.contains("not a number"), "it counted as done: {error}");
     }
 }

@@ -141,8 +141,11 @@ fn check_first(call: &Call) -> Result<(), Failure> {
         return Err(Failure::input(format!("{place}: TIME(2) = {begin} and DTIME = {duration} are no increment")));
     }
     let unit = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
-    let farthest =
-        (0..9).map(|entry| (before[entry / 3][entry % 3] - unit(entry / 3, entry % 3)).abs()).fold(0.0, f64::max);
+    let differences = (0..9).map(|entry| (before[entry / 3][entry % 3] - unit(entry / 3, entry % 3)).abs());
+    let farthest = differences.max_by(f64::total_cmp).unwrap_or(0.0);
+    if farthest.is_nan() {
+        return Err(Failure::input(format!("{place}: DFGRD0 holds a number that is none")));
+    }
     if *begin > 0.0 && farthest > DEFORMED {
         return Err(Failure::input(format!(
             "{place} is new at time {begin}, where DFGRD0 differs from the identity by {farthest:.1e}; restarts from earlier results are not \
@@ -222,6 +225,9 @@ mod tests {
         assert!(error.contains("differs from the identity by 5.0e-2"), "{error}");
         let endless = Call { duration: f64::NAN, ..call(PLACE, 0.0) };
         assert!(points.enter(&endless, &cells).unwrap_err().text.contains("no increment"));
+        let mut broken = call(PLACE, 0.0);
+        broken.before[2][2] = f64::NAN;
+        assert!(points.enter(&broken, &cells).unwrap_err().text.contains("DFGRD0"));
         assert_eq!(points.enter(&call(PLACE, 3.0), &cells).unwrap(), 0);
     }
 

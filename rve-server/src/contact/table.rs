@@ -49,7 +49,8 @@ pub enum Rotations {
     /// Grains rotate.
     #[default]
     Free,
-    /// Grains only translate.
+    /// Grains only translate. Those of a cell turn with it, as its deformation turns; those of a specimen do not turn at all, so that both
+    /// differ in shear.
     Blocked,
     /// In a frame of boundary grains, the grains inside it only translate, those of the boundary rotate [Liu2018]. Refused elsewhere.
     InnerBlocked,

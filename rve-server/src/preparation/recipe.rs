@@ -7,6 +7,9 @@ use crate::definition::{MOST_GRAINS, PackingError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Smallest tolerance that rounding lets a packing reach.
+const LEAST_TOLERANCE: f64 = 1e-13;
+
 /// The description of a packing. `[contact]` holds the law during preparation: its `friction` is the preparation
 /// friction, low values give dense packings. The packing may be used with any other law later.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -204,6 +207,11 @@ impl PackingRecipe {
         if let Some((key, value)) = positive.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
             return refuse(format!("{key} = {value} must be a positive number"));
         }
+        if let Some((key, value)) = positive[1..].iter().find(|(_, value)| *value < LEAST_TOLERANCE) {
+            return refuse(format!(
+                "{key} = {value:e} lies below rounding; at least {LEAST_TOLERANCE:e} can be reached"
+            ));
+        }
         if self.dimension == 3 && self.thickness != 1.0 {
             return refuse("thickness belongs to plane packings; remove it".into());
         }
@@ -260,9 +268,9 @@ impl PackingRecipe {
 
 impl StateTarget {
     fn validate(&self) -> Result<(), PackingError> {
-        let (_, value) = self.quantity()?;
+        let (quantity, value) = self.quantity()?;
         if !(value.is_finite() && value > 0.0) {
-            return refuse(format!("target: {value} must be a positive number"));
+            return refuse(format!("target.{} = {value} must be a positive number", quantity.keyword()));
         }
         if !(self.tolerance.is_finite() && self.tolerance > 0.0) {
             return refuse(format!("target.tolerance = {} must be a positive number", self.tolerance));

@@ -34,7 +34,8 @@ pub fn soft_grains(recipe: &PackingRecipe) -> Option<SoftGrains> {
         "with modulus E the overlap is about 2 p / E: give a larger modulus or normal_stiffness".to_owned()
     };
     let problem = format!(
-        "grains would overlap by about {overlap:.2} of a diameter under this pressure (a packing may have 0.1)"
+        "grains would overlap by about {} of a diameter under this pressure (a packing may have 0.1)",
+        shown(overlap)
     );
     Some(SoftGrains { problem, remedy })
 }
@@ -50,9 +51,15 @@ pub(super) fn too_soft_for<S: Space>(
     let depth = if S::DIMENSION == 2 { packing.thickness } else { diameter };
     let overlap = overlap_under(contact, pressure, diameter, depth).filter(|overlap| *overlap > LARGEST_OVERLAP)?;
     Some(format!(
-        "its grains would overlap by about {overlap:.2} of a diameter under this pressure (a packing may have 0.1); give contact a larger stiffness, or a \
-         plane packing the thickness of a mean diameter"
+        "its grains would overlap by about {} of a diameter under this pressure (a packing may have 0.1); give contact a larger stiffness, or a \
+         plane packing the thickness of a mean diameter",
+        shown(overlap)
     ))
+}
+
+/// An overlap over a diameter: a pressure in a wrong unit makes it any number.
+fn shown(overlap: f64) -> String {
+    if overlap < 10.0 { format!("{overlap:.2}") } else { format!("{overlap:.0e}") }
 }
 
 /// Overlap over diameter of the grains of a recipe; `None` where it says no pressure.

@@ -16,9 +16,10 @@ pub(crate) const WITHOUT_HOSTS: &str =
 /// Arguments of `grainspan agent`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples, the run on host node1:
-  node1$ grainspan run scenes/biaxial.toml --listen 0.0.0.0:7400 --out out/biaxial
-  node2$ grainspan agent --join out/biaxial/join                 the folder is on a shared file system
-  node2$ grainspan agent --join node1:7400 --secret ~/.grainspan-secret   the run has --secret with the same content
+  node1$ grainspan run scenes/biaxial.toml --listen 0.0.0.0:7400 \\
+      --out out/biaxial
+  node2$ grainspan agent --join out/biaxial/join   the folder is on both hosts
+  node2$ grainspan agent --join node1:7400 --secret ~/.grainspan-secret
 
 Agents may join and leave while the run goes on; results stay bitwise identical.
 Exit codes: 0 the run has ended; 2 refused, or bad input; 3 no run was found, or it was lost for too long; 130 stopped.")]

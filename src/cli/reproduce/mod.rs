@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 /// Arguments of `grainspan reproduce`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
-  grainspan reproduce                                        all figures: paper, what they show, run time
+  grainspan reproduce                           all figures with run times
   grainspan reproduce liu2018-friction --size small          minutes
   grainspan reproduce liu2018-friction --size paper --workers 8
   grainspan reproduce all --size small

@@ -7,8 +7,10 @@ use std::path::PathBuf;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   grainspan run scenes/biaxial-small.toml
-  grainspan run scenes/biaxial.toml --workers 2 --out out/fine --set rve.accuracy=tight
-  grainspan run scenes/biaxial.toml --set loading.increments=80 --set boundary.2.displacement.y=-1e-3
+  grainspan run scenes/biaxial.toml --workers 2 --out out/fine \\
+      --set rve.accuracy=tight
+  grainspan run scenes/biaxial.toml --set loading.increments=80 \\
+      --set boundary.2.displacement.y=-1e-3
 
   grainspan run scenes/biaxial.toml --resume
 

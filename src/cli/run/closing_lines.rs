@@ -10,6 +10,9 @@ use std::fmt::Write;
 /// Relative residual of the energy ledger above which the lines mention it.
 const LARGEST_RESIDUAL: f64 = 0.05;
 
+/// Error of the mean stress by the balance of forces above which the lines mention it, over the pressure.
+const LARGEST_BALANCE_ERROR: f64 = 0.1;
+
 /// The same of dynamic stages, over the largest energy of the stage so far, which is small at first.
 const LARGEST_RESIDUAL_OF_MOTION: f64 = 0.1;
 
@@ -160,6 +163,14 @@ fn warnings(summary: &Summary, starts_in_balance: bool) -> String {
              began from forces that were not in balance (a smaller dynamics.safety or time_step tells which)"
         )
     });
+    let of_mean = summary.balance.as_ref().map_or(0.0, |balance| balance.largest_of_mean);
+    let unbalanced = (of_mean > LARGEST_BALANCE_ERROR).then(|| {
+        format!(
+            "forces balance to an error of up to {:.0} % of the mean stress only (column balance_error_of_mean of history.csv tells where): \
+             smaller steps or a smaller solver.force_tolerance",
+            100.0 * of_mean
+        )
+    });
     let [step, stable] = ["time_step", "stable_step"].map(|name| summary.dynamics.get(name).copied().unwrap_or(0.0));
     let unstable = (step > stable * (1.0 + 1e-6)).then(|| {
         format!("dynamics.time_step = {step:.3e} s is above the stable step of the elements, {stable:.3e} s: a motion may grow without bound")
@@ -176,7 +187,7 @@ fn warnings(summary: &Summary, starts_in_balance: bool) -> String {
         "the packing was not prepared under the initial loads, and step 0 has strained it (see initial residual)"
             .to_owned()
     });
-    let all = [unprepared, counted, open, off, unstable, heavier];
+    let all = [unprepared, counted, open, unbalanced, off, unstable, heavier];
     let all: Vec<String> = all.into_iter().flatten().collect();
     if all.is_empty() { "none".to_owned() } else { all.join("; ") }
 }

@@ -19,6 +19,17 @@ pub(super) struct ControlledRun<'a> {
     interrupt: Interrupt,
 }
 
+/// A run that has no workers, and so completes no step, ends at once if it has been asked to stop.
+pub(super) fn stop_without_workers(controls: &Controls, interrupt: &Interrupt) {
+    if controls.asks(Action::Stop) {
+        tracing::info!(event = "stop_requested");
+        interrupt.raise();
+        if let Err(error) = controls.done(Action::Stop.keyword()) {
+            tracing::warn!(%error, "a request to the run could not be carried out");
+        }
+    }
+}
+
 impl<'a> ControlledRun<'a> {
     /// A run that begins; requests made since its folder was taken wait for its first step. `keeps_checkpoints` as the scene says.
     pub(super) fn new(

@@ -37,7 +37,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 47] = [
+pub(crate) const COUNTERS: [Counter; 49] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -78,6 +78,8 @@ pub(crate) const COUNTERS: [Counter; 47] = [
     counter("workers_hung", Harmless, "worker* hung"),
     counter("workers_faulty", Harmless, "worker* faulty"),
     counter("messages_refused", Harmless, "refused message*"),
+    counter("late_replies", Harmless, "late answer*"),
+    counter("unknown_replies", Harmless, "answer* to no job"),
     counter("agents_lost", Harmless, "agent* lost"),
     counter("agents_faulty", Harmless, "agent* faulty"),
     counter("agents_refused", Harmless, "agent* refused"),

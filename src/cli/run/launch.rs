@@ -1,6 +1,7 @@
 //! Starts everything that a run needs besides the solver: channels, workers, signal handler, status file.
 
 use super::arguments::Arguments;
+use super::control::stop_without_workers;
 use super::execute::{RunContext, execute};
 use super::folder::OutputFolder;
 use super::hosts;
@@ -13,6 +14,7 @@ use grain_pool::processes::{LaunchPlan, WorkerGroups, WorkerProcesses, channel_l
 use macro_solver::material::MaterialError;
 use macro_solver::material::error_estimate::{SamplePlan, sample};
 use macro_solver::pool::{Interrupt, JoiningWorkers, Pool, PoolSettings, SupplyStatus, WorkerSupply};
+use page::Controls;
 use protocol::transport::MacroPort;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
 use scene_reader::Scene;
@@ -149,8 +151,13 @@ pub(super) fn run(
     settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
     let settings = scene.pool.apply(&scene.document, &settings)?;
     let mut pool = Pool::new(port, supply, interrupt.clone(), settings, served.definitions, &served.made_of);
-    let watcher = status_file.clone();
-    pool.report_to(move |workers| watcher.report(workers));
+    let (watcher, controls, raised) = (status_file.clone(), Controls::of(folder.path()), interrupt.clone());
+    pool.report_to(move |workers| {
+        watcher.report(workers);
+        if workers.is_empty() {
+            stop_without_workers(&controls, &raised);
+        }
+    });
     pool.gather((workers * assignment.engines.len()).max(1)).map_err(|error| match error {
         MaterialError::Interrupted => Failure::new(Exit::Interrupted, "interrupted before the first step"),
         MaterialError::DefinitionRefused(reason) => Failure::new(Exit::BadInput, reason),

@@ -199,6 +199,8 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("workers_hung", pool.workers_hung),
         ("workers_faulty", pool.workers_faulty),
         ("messages_refused", pool.refused_messages),
+        ("late_replies", pool.late_replies),
+        ("unknown_replies", pool.unknown_replies),
         ("agents_lost", of_hosts("agents_lost")),
         ("agents_faulty", of_hosts("agents_faulty")),
         ("agents_refused", of_hosts("agents_refused")),

@@ -26,9 +26,12 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   grainspan specimen scenes/specimen-biaxial.toml --out curve.csv
-  grainspan specimen scenes/specimen-biaxial.toml --threads 8 --pictures out/grains --set tiles=[4,8]
-  grainspan specimen scenes/liu2015/grains-shear-layer.toml --size small --out curve.csv --profiles out/layers
-  grainspan specimen scenes/specimen-biaxial.toml --out curve.csv --checkpoint out/specimen --resume")]
+  grainspan specimen scenes/specimen-biaxial.toml --threads 8 \\
+      --pictures out/grains --set tiles=[4,8]
+  grainspan specimen scenes/liu2015/grains-shear-layer.toml --size small \\
+      --out curve.csv --profiles out/layers
+  grainspan specimen scenes/specimen-biaxial.toml --out curve.csv \\
+      --checkpoint out/specimen --resume")]
 pub(crate) struct Arguments {
     /// Specimen test: packing, tiles, contact law, walls and stages; see docs/guide/specimens.md
     #[arg(value_name = "TEST.toml")]

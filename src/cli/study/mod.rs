@@ -29,10 +29,11 @@ use std::path::{Path, PathBuf};
 /// Arguments of `grainspan study`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
-  grainspan study scenes/studies/cell-size.toml                     scatter over the number of grains
-  grainspan study scenes/studies/cell-size.toml --size small        the same with few and small packings
+  grainspan study scenes/studies/cell-size.toml   over the number of grains
+  grainspan study scenes/studies/cell-size.toml --size small
   grainspan study scenes/studies/critical-state.toml --jobs 2 --out out/critical
-  grainspan study scenes/studies/cell-size.toml --set seeds=32 --set grains=[50,100,200,400,800]
+  grainspan study scenes/studies/cell-size.toml --set seeds=32 \\
+      --set grains=[50,100,200,400,800]
 
 Files in the output folder, NAME being that of the study:
   NAME.csv             numbers of the study against those that its file expects

@@ -151,6 +151,7 @@ impl Measured {
             origin: "tests".to_owned(),
             command: command(&format!("`{}`", self.file)),
             date: self.date.clone(),
+            processor: self.processor.clone(),
             commit: self.commit.clone(),
             rows: vec![Row {
                 entries: vec![self.entry.clone()],

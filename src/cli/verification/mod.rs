@@ -1,5 +1,7 @@
-//! `grainspan verification`: the pages of the verification and of the published figures, from the committed comparisons.
+//! `grainspan verification`: the pages of the verification and of the published figures, and the tables of the papers' pages, from the
+//! committed comparisons.
 
+mod figure_tables;
 mod measured;
 mod pages;
 mod rows;
@@ -14,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Arguments of the hidden command.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
-  grainspan verification --repository .      after new figures or studies were committed
+  grainspan verification --repository .   after new figures or studies
   grainspan verification --measured /tmp/measured
       after GRAINSPAN_MEASURED=/tmp/measured cargo test --release --workspace, in the same unchanged copy:
       rows bear its commit, and the date and processor of this command")]
@@ -68,17 +70,25 @@ fn taken_over(root: &Path, folder: &Path) -> Result<Vec<measured::Measured>, Fai
 }
 
 /// The pages and where they belong.
-fn made(root: &Path) -> Result<[(PathBuf, String); 2], Failure> {
+fn made(root: &Path) -> Result<Vec<(PathBuf, String)>, Failure> {
     let (entries, mut sources) = (rows::catalogue(root)?, rows::sources(root)?);
+    let mut made = Vec::new();
+    for page in figure_tables::PAGES {
+        let file = root.join(page);
+        let text = std::fs::read_to_string(&file).map_err(|error| rows::unusable(&file, error))?;
+        let text = figure_tables::filled(&text, &sources).map_err(|problem| rows::unusable(&file, problem))?;
+        made.push((file, text));
+    }
     let papers = pages::papers(&sources);
     sources.extend(measured::read(root)?.iter().map(|row| row.source(&entries)));
-    Ok([
+    made.extend([
         (
             root.join("docs/reference/verification-results.md"),
             pages::verification(&entries, &sources, &rows::missed_in_lab_book(root)?),
         ),
         (root.join("docs/papers/comparison.md"), papers),
-    ])
+    ]);
+    Ok(made)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The two generated pages, as Markdown.
+//! The two pages that are generated as a whole, as Markdown.
 
 use super::rows::{Entry, Row, Source};
 use std::fmt::Write;
@@ -13,7 +13,7 @@ const MEASURED_NOTE: &str = "Rows whose command is `cargo test` were measured by
                              catalogue's, such as that of a comparison with a converged value in place of a closed form.";
 
 /// A cell of a table: nothing in it ends the cell or the line, and names of sources stay what they are.
-fn cell(text: &str) -> String {
+pub(super) fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
 
@@ -151,7 +151,9 @@ pub(super) fn papers(sources: &[Source]) -> String {
          [geotechnical problems](geotechnics.md).\n\n"
     );
     let figures = || sources.iter().filter(|source| source.command.starts_with("grainspan reproduce"));
-    let count = |met: &str| figures().flat_map(|source| &source.rows).filter(|row| row.met == met).count();
+    let count = |met: &str| {
+        figures().flat_map(|source| &source.rows).filter(|row| row.is_compared() && row.met == met).count()
+    };
     write(
         &mut text,
         format_args!(
@@ -164,7 +166,7 @@ pub(super) fn papers(sources: &[Source]) -> String {
     text += "| paper, figure | quantity | theirs | ours | difference | tolerance | met | command | commit | date |\n";
     text += "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
     for source in figures() {
-        for row in &source.rows {
+        for row in source.rows.iter().filter(|row| row.is_compared()) {
             let origin = if row.source.is_empty() { &source.origin } else { &row.source };
             let met = if row.met == "no" { "**no**" } else { row.met.as_str() };
             write(
@@ -234,6 +236,7 @@ mod tests {
             origin: "paper".to_owned(),
             command: "grainspan reproduce figure --size small".to_owned(),
             date: "2026-11-24".to_owned(),
+            processor: "a processor".to_owned(),
             commit: "abc".to_owned(),
             rows: vec![row("X-1", "yes"), row("X-1", "no"), row("X-2", "yes"), row("X-3", "")],
         };

@@ -58,9 +58,11 @@ pub(super) struct Source {
     pub(super) command: String,
     /// Day of the measurement.
     pub(super) date: String,
+    /// What it was measured on.
+    pub(super) processor: String,
     /// The commit that its inputs belong to.
     pub(super) commit: String,
-    /// Its rows that have an expected number.
+    /// Its rows; those that are only stated have no expected number.
     pub(super) rows: Vec<Row>,
 }
 
@@ -79,6 +81,13 @@ pub(super) struct Row {
     pub(super) met: String,
 }
 
+impl Row {
+    /// Whether there is a number to compare it with.
+    pub(super) fn is_compared(&self) -> bool {
+        !self.theirs.is_empty()
+    }
+}
+
 /// What both files of provenance have.
 #[derive(Deserialize)]
 struct Provenance {
@@ -93,6 +102,7 @@ struct Provenance {
 #[derive(Deserialize)]
 struct Machine {
     date: String,
+    processor: String,
 }
 
 pub(super) fn unusable(file: &Path, problem: impl std::fmt::Display) -> Failure {
@@ -196,14 +206,12 @@ fn source(
             ("", _) => String::new(),
             ("1.000", true) => "yes".to_owned(),
             ("0", true) => "no".to_owned(),
+            ("-", _) => "-".to_owned(),
             (text, _) => match &record[1] {
                 "-" => text.to_owned(),
                 unit => format!("{text} {unit}"),
             },
         };
-        if record[2].is_empty() {
-            continue;
-        }
         let condition = |column: usize| if is_condition { String::new() } else { record[column].to_owned() };
         rows.push(Row {
             entries: entries_of(&record[0]),
@@ -212,7 +220,10 @@ fn source(
             source: record[3].to_owned(),
             ours: value(4),
             difference: condition(5),
-            tolerance: condition(6),
+            tolerance: match (record[2].contains(" to "), &record[6]) {
+                (true, "0") => "within".to_owned(),
+                _ => condition(6),
+            },
             met: record[7].to_owned(),
         });
     }
@@ -220,6 +231,7 @@ fn source(
         origin: origin.to_owned(),
         command,
         date: provenance.machine.date.clone(),
+        processor: provenance.machine.processor.clone(),
         commit: provenance.commit_of_inputs.clone().unwrap_or_default(),
         rows,
     })

@@ -208,3 +208,47 @@ fn what_an_engine_cannot_do_is_told_before_the_run() {
         assert!(code == 2 && text.contains("both report the name `reference`"), "{text}");
     }
 }
+
+/// An engine in Python that breaks down as it builds its first cell: it was taken for a refusal of the cell, which ended the run.
+#[test]
+fn a_fault_while_a_cell_is_built_costs_a_worker_and_not_the_run() {
+    if !foreign::is_there("reference") {
+        return;
+    }
+    let site = Site::new();
+    let script = site.path("transient.py");
+    let text = format!(
+        "import os, sys\n\
+         from grainspan_worker import main\n\
+         from grainspan_worker.engines.reference import ReferenceRve\n\
+         class Transient(ReferenceRve):\n    \
+             def __init__(self, *arguments):\n        \
+                 mark = {:?}\n        \
+                 if not os.path.exists(mark):\n            \
+                     open(mark, 'w').close()\n            \
+                     raise MemoryError('no memory at the moment')\n        \
+                 super().__init__(*arguments)\n\
+         main(Transient)\n",
+        site.path("failed-once")
+    );
+    std::fs::write(&script, text).unwrap();
+    let catalogue = site.path("transient.toml");
+    let entry = format!(
+        "[transient]\ncommand = [{:?}, {script:?}]\nenvironment = {{ PYTHONPATH = {:?} }}\n",
+        foreign::python(),
+        foreign::package()
+    );
+    std::fs::write(&catalogue, entry).unwrap();
+    let out = site.path("transient");
+    let start =
+        ["run", "scenes/biaxial-small.toml", "--quiet", "--engine", "transient", "--out", out.to_str().unwrap()];
+    let mut command = site.program(&[&start[..], &SMALL].concat());
+    let ended = command.env("GRAINSPAN_ENGINES", catalogue).output().unwrap();
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+    assert!(site.path("failed-once").exists());
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert!(summary["worker_restarts"].as_u64().unwrap() > 0, "{summary}");
+    run(&site, "healthy", &["--engine", "reference"]);
+    assert_eq!(site.history("transient"), site.history("healthy"));
+}

@@ -114,3 +114,18 @@ fn a_paused_run_hears_signals_and_a_dead_one_takes_no_requests() {
     assert!(said.contains("no run writes to") && said.contains("grainspan status"), "{said}");
     assert_eq!(ctl(&site, "none", &["stop"]).0, Some(2));
 }
+
+/// The request waited for the end of a step, and there was none without workers.
+#[test]
+fn a_run_that_waits_for_workers_can_be_stopped() {
+    let site = Site::new();
+    let name = format!("idle{}", std::process::id());
+    let out = site.path("waiting");
+    let words = ["run", "scenes/biaxial-small.toml", "--attach", &name, "--out", out.to_str().unwrap()];
+    let run = site.start("waiting", &words);
+    eventually("a run that can be asked", || (ctl(&site, "waiting", &["stop"]).0 == Some(0)).then_some(()));
+    let ended = run.end();
+    assert_eq!(ended.status.code(), Some(130), "{}", ended.stderr);
+    assert!(ended.stderr.contains("before the first step"), "{}", ended.stderr);
+    assert!(!site.path("waiting/control/stop").exists());
+}

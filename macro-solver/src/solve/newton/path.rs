@@ -5,6 +5,7 @@
 //! displacements as one vector, so that caps and backtracks act on both.
 
 use crate::model::failure::Failure;
+use crate::observer::Outcome;
 use crate::problem::{Axis, Moment, PathControl, Predictor, Problem, ProblemError, Stage};
 use crate::solve::accepted::LastStep;
 use crate::solve::driver::Solver;
@@ -71,6 +72,15 @@ impl PathConstraint {
             Self::Length { first_load, .. } => *first_load,
             Self::Functional { .. } => 1.0,
         }
+    }
+
+    /// Whether a motion changes nothing of what is measured.
+    fn is_blind_to(&self, direction: &[f64]) -> bool {
+        let counted = match self {
+            Self::Length { weights, .. } => weights,
+            Self::Functional { coefficients, .. } => coefficients,
+        };
+        counted.iter().zip(direction).all(|(counted, motion)| counted * motion == 0.0)
     }
 
     /// How much of `direction` brings `moved` onto the constraint; `along` is the motion that chooses between two ways.
@@ -177,6 +187,9 @@ impl Solver<'_> {
             Some(last) => last.increment.clone(),
             None => direction.iter().map(|value| value * constraint.first_load()).collect(),
         };
+        if constraint.is_blind_to(&direction) {
+            return Err(Failure::Run(Outcome::Refused(ProblemError::NothingMeasured)));
+        }
         let change = constraint.share(self.goal(constraint, size), &still, &direction, &along);
         let change = change.ok_or_else(|| Failure::Attempt("the load does not move what is measured".to_owned()))?;
         Ok((direction.iter().map(|value| change * value).collect(), self.load + change))

@@ -50,6 +50,10 @@ const MAX_HALVINGS: usize = 20;
 /// An increment in which supports and loads cover less than this share of the step counts as one at fixed loads.
 const LEAST_ADVANCE: f64 = 1e-3;
 
+/// Motion of the supports in a step, over the smallest extent of the body, up to which a failed step is stabilised before it is cut back: a
+/// longer one takes many increments, and smaller steps may need none.
+const LARGEST_MOTION: f64 = 0.02;
+
 /// Share of the out-of-balance force that an increment has to leave at most if the path is to go on towards the tolerances from a state
 /// that is good enough for a step without progress.
 const LARGEST_PROGRESS: f64 = 0.5;
@@ -80,17 +84,37 @@ struct StateBefore {
 
 impl Solver<'_> {
     /// Whether a step that has failed `failed` times, last with the size `from`, is to be stabilised now. Where a larger step has
-    /// been stabilised in vain, smaller ones are tried without it first.
+    /// been stabilised in vain, or the supports move far in this one, smaller ones are tried without it first.
     pub(super) fn stabilises(&self, method: &dyn LoadStepMethod, failed: usize, from: f64) -> Option<Stabilisation> {
         let control = &self.stage().control;
         let is_smallest = is_smallest(from, control.min);
         let is_soon = |settings: &Stabilisation| {
-            settings.after.is_some_and(|after| after > 0 && failed >= after) && !self.stabilised_in_vain
+            settings.after.is_some_and(|after| after > 0 && failed >= after)
+                && !self.stabilised_in_vain
+                && self.motion_of_supports(self.stage_fraction + from) <= LARGEST_MOTION
         };
         control
             .stabilisation
             .filter(|settings| is_smallest || is_soon(settings))
             .filter(|_| self.path_constraint.is_none() && method.can_be_stabilised())
+    }
+
+    /// Largest relative motion of two prescribed displacements along an axis on the way to the share `to` of the path, over the smallest
+    /// extent of the body.
+    fn motion_of_supports(&self, to: f64) -> f64 {
+        let axes = self.body.mesh().dimension.count();
+        let (moment, displacements) = (self.moment(to), &self.body.displacements);
+        let given = |dof: usize| Some(self.constraints.prescribed(dof, moment)? - displacements[dof]);
+        let range = |values: &mut dyn Iterator<Item = f64>| {
+            let [least, most] = values
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], value| [least.min(value), most.max(value)]);
+            most - least
+        };
+        let along = |axis: usize| (axis..displacements.len()).step_by(axes).filter_map(given);
+        let motion = (0..axes).map(|axis| range(&mut along(axis))).fold(0.0, f64::max);
+        let nodes = &self.body.mesh().nodes;
+        let extents = (0..axes).map(|axis| range(&mut nodes.iter().map(|node| node[axis])));
+        motion / extents.fold(f64::INFINITY, f64::min)
     }
 
     /// Takes a step to the share `target` of the path by viscous stabilisation, after attempts of which the last failed for

@@ -235,3 +235,26 @@ fn it_can_be_switched_off_and_on_earlier() {
     assert!(matches!(early.outcome, Outcome::Completed) && early.statistics.cut_backs == 1);
     assert!(early.statistics.evaluations < by_default.statistics.evaluations);
 }
+
+/// A step that is long in itself is made shorter first: its stabilisation would take many increments.
+#[test]
+fn a_step_in_which_supports_move_far_is_cut_back_first() {
+    let mut problem = pulled(3e-2);
+    problem.stages[0].control.increments = 1;
+    problem.stages[0].control.stabilisation = Some(Stabilisation { after: Some(1), ..Stabilisation::default() });
+    let mut watch = Watch::default();
+    let run = solve(&problem, &mut weak_at_the_bottom(), &mut watch);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    assert!(run.statistics.cut_backs >= 1, "{}", run.statistics.cut_backs);
+    // 2 % of the width of the column are two thirds of the way.
+    let shorter = |event: &Stabilised| event.load < 0.67 || run.statistics.cut_backs > 1;
+    assert!(watch.stabilised.iter().all(shorter), "{:?}", watch.stabilised);
+    // A step that is short enough is stabilised at once.
+    let mut problem = pulled(1e-2);
+    (problem.stages[0].control.increments, problem.stages[0].control.stabilisation) =
+        (1, Some(Stabilisation { after: Some(1), ..Stabilisation::default() }));
+    let mut watch = Watch::default();
+    let run = solve(&problem, &mut weak_at_the_bottom(), &mut watch);
+    assert_eq!((run.statistics.cut_backs, watch.stabilised.len()), (1, 1));
+    assert_eq!(watch.stabilised[0].load, 1.0);
+}

@@ -135,7 +135,7 @@ fn grains_that_do_not_come_to_rest_cost_a_cut_back_and_are_counted() {
     assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
     assert_eq!((finished.statistics.unfinished_trials, record.cut_backs.len()), (1, 1));
     let reason = &record.cut_backs[0].reason;
-    for part in ["Gauss point 2", "7 of 14 increments", "unbalanced 3.00e-1", "8 force evaluations"] {
+    for part in ["Gauss point 2", "7 of 14 increments", "a force ratio of 3.00e-1", "8 force evaluations"] {
         assert!(reason.contains(part), "{reason}");
     }
 }

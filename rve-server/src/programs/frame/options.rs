@@ -158,6 +158,33 @@ impl FrameOptions {
         self.most_corrections.unwrap_or(500)
     }
 
+    /// Refuses keys of a test file that have no effect with the others.
+    ///
+    /// # Errors
+    /// The key and what it needs.
+    pub fn refuse_unused(&self) -> Result<(), DefinitionError> {
+        let is_servo = matches!(self.control, FrameControl::Servo { .. });
+        let unused = [
+            (
+                self.energy_tolerance.is_some() && self.damping == FrameDamping::Fire,
+                "energy_tolerance",
+                "damping = { local = { ... } }",
+            ),
+            (self.most_corrections.is_some() && !is_servo, "most_corrections", "control = { servo = { ... } }"),
+            (
+                is_servo && self.constraint != FrameConstraint::Periodic,
+                "control = { servo = ... }",
+                "constraint = \"periodic\"",
+            ),
+        ];
+        if let Some((_, key, needed)) = unused.iter().find(|(is_unused, ..)| *is_unused) {
+            return Err(DefinitionError(format!(
+                "frame.{key} has no effect without {needed}; leave it out, or write that"
+            )));
+        }
+        Ok(())
+    }
+
     /// Checks every number.
     ///
     /// # Errors
@@ -172,5 +199,23 @@ impl FrameOptions {
                  [{across}, {up}]"
             ))),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// They were read and did nothing.
+    #[test]
+    fn keys_without_effect_are_refused() {
+        let periodic = FrameOptions::new(FrameConstraint::Periodic);
+        let reason = |options: FrameOptions| options.refuse_unused().unwrap_err().to_string();
+        let tolerance = FrameOptions { energy_tolerance: Some(1e-9), ..periodic.clone() };
+        assert!(reason(tolerance.clone()).contains("frame.energy_tolerance has no effect"));
+        let damping = FrameDamping::Local { coefficient: 0.7 };
+        assert!(FrameOptions { damping, ..tolerance }.refuse_unused().is_ok());
+        let corrections = FrameOptions { most_corrections: Some(9), ..periodic };
+        assert!(reason(corrections).contains("frame.most_corrections"));
     }
 }

@@ -110,7 +110,10 @@ impl ElementSummary {
                 self.begins_with_motion,
             ),
             ("not equilibrated", self.not_equilibrated),
-            ("controlled stress not met at an instability of the cell or frame", self.stress_jumps),
+            (
+                "controlled stress not met: an instability of the cell or frame, or a stress_tolerance below what the tolerance of the grains allows",
+                self.stress_jumps,
+            ),
             ("controlled stress relaxed after the cell or frame had snapped", self.relaxed_increments),
             ("no load-bearing contacts", self.no_load_bearing_contacts),
             ("relaxed with another damping", self.damping_changed),

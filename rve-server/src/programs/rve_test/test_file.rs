@@ -26,7 +26,7 @@ pub struct ElementTest {
     /// Solver options.
     #[serde(default)]
     pub rve: RveOptions,
-    /// Boundary-particle frame instead of a periodic cell; `rve` is not read then.
+    /// Boundary-particle frame instead of a periodic cell; `rve` is refused then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<FrameOptions>,
     /// Segments, one after the other.
@@ -135,10 +135,16 @@ impl ElementTest {
         self.contact.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         self.rve.validate().map_err(|error| ElementError::Test(error.to_string()))?;
         match &self.frame {
-            Some(frame) => frame.validate(),
+            Some(frame) => frame.validate().and_then(|()| frame.refuse_unused()),
             None => self.contact.refuse_inner_blocked(),
         }
         .map_err(|error| ElementError::Test(error.to_string()))?;
+        if self.frame.is_some() && self.rve != RveOptions::default() {
+            return refuse(
+                "[rve] has no effect where there is a [frame]; write strain_per_step, tolerance and damping into that table"
+                    .into(),
+            );
+        }
         if self.rve.frame.is_some() {
             return refuse("rve.frame is a key of scenes; an RVE test has the table [frame]".into());
         }

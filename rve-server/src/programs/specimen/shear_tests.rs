@@ -372,6 +372,16 @@ fn shear_that_cannot_be_is_refused() {
     assert!(reason("\"x\"", "glue = [\"y\"]\nshear = { xy = 20.0 }", 2).contains("between -10 and 10"));
     assert!(reason("\"x\", \"y\"", "glue = [\"z\"]\nshear = { xy = 0.1 }", 3).contains("rigid"));
     assert!(reason("\"x\"", "stress = { xx = -1.0 }", 2).contains("x is periodic"));
+    // Without a wall grains fall for ever; down a slope they may flow along a periodic axis.
+    let falling = |sides: &str| {
+        test(
+            &format!("tiles = [1, 1]\nperiodic = [{sides}]"),
+            &format!("[motion]\nscaled_masses = false\ngravity = [1.0, -9.81]\n{}", stage("")),
+        )
+        .validate(2)
+    };
+    assert!(falling("\"x\", \"y\"").unwrap_err().to_string().contains("fall for ever"));
+    assert_eq!(falling("\"x\"").err().map(|error| error.to_string()), None);
 }
 
 /// Spheres: the cell leans along its walls, is straightened, and comes back to its stress.

@@ -17,6 +17,7 @@ pub struct SpecimenTest {
     /// and y. A periodic axis that leans along a walled one is refused without `straighten`. The packing is repeated `tiles` times.
     pub packing: String,
     /// Repetitions along the axes.
+    #[schemars(inner(range(min = 1)))]
     pub tiles: Vec<usize>,
     /// Treatment of the grains at the border.
     #[serde(default)]
@@ -127,7 +128,14 @@ impl SpecimenTest {
         if self.cut == Cut::Frames && (dimension == 3 || !self.periodic.is_empty()) {
             return Err(DefinitionError("cut = \"frames\" is for plane specimens without periodic axes".into()));
         }
-        self.periodic_axes(dimension)?;
+        let periodic = self.periodic_axes(dimension)?;
+        // With walls it is a flow down a slope.
+        if periodic[..dimension].iter().all(|one| *one) && self.motion.gravity.iter().any(|gravity| *gravity != 0.0) {
+            return Err(DefinitionError(
+                "motion.gravity lets grains without walls fall for ever; give one axis walls, or leave gravity out"
+                    .into(),
+            ));
+        }
         self.check_motion(dimension)?;
         if !(self.walls.friction.is_finite() && self.walls.friction >= 0.0) {
             return Err(DefinitionError(format!(

@@ -16,7 +16,7 @@ pub(super) const FIGURE: Figure = Figure {
 /// Tangents of the slopes.
 const SLOPES: [f64; 3] = [0.2, 0.3, 0.4];
 /// Coefficients of friction of the cell that is sheared.
-const FRICTIONS: [f64; 7] = [0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5];
+const FRICTIONS: [f64; 8] = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5];
 /// Friction between the grains of the slopes at the start.
 const FRICTION: f64 = 0.5;
 /// Pressure across the slopes, Pa, and weight across them, N/m3.

@@ -49,7 +49,7 @@ struct Element {
     compression: Curve,
     /// Shear stress, kPa, over time, s.
     stress: Curve,
-    /// Porosity and contacts per grain over time, ms.
+    /// Porosity and coordination number over time, ms.
     porosity: Curve,
     contacts: Curve,
 }
@@ -132,7 +132,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         ("", shear_loops),
         ("compression", compressive_loops),
         ("porosity", over_time("porosity", porosity)),
-        ("contacts", over_time("contacts per grain", contacts)),
+        ("contacts", over_time("coordination number", contacts)),
     ];
     Ok(Outcome { charts, comparisons, notes: results.notes(), ..Outcome::default() })
 }

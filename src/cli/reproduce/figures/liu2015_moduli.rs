@@ -66,7 +66,7 @@ fn cell_as_given(table: &Table) -> Result<Vec<Comparison>, ReproduceError> {
     // Tolerances as those of the cells of [Liu2018].
     Ok(vec![
         compare("porosity of the cell", "-", 0.338, void_ratio / (1.0 + void_ratio), Tolerance::Absolute(0.01)),
-        compare("contacts per grain of the cell", "-", 5.6, first("coordination_number")?, Tolerance::Absolute(0.1)),
+        compare("coordination number of the cell", "-", 5.6, first("coordination_number")?, Tolerance::Absolute(0.1)),
         compare("mean pressure of the cell", "kPa", 416.0, pressure, Tolerance::Relative(0.01)),
         Comparison::reported("largest difference of a normal stress from the mean pressure, over it", "-", apart),
         Comparison::reported("anisotropy of the contacts of the cell", "-", first("fabric_anisotropy")?),

@@ -177,7 +177,7 @@ impl Charts {
             stress: over_angle(10, "shear stress, kPa"),
             mean: over_angle(11, "mean pressure, kPa"),
             voids: over_angle(12, "porosity"),
-            contacts: over_angle(13, "contacts per grain"),
+            contacts: over_angle(13, "coordination number"),
             rows: Chart::new(
                 "[Liu2015] Fig. 14a: rows of the layer at a shear angle of 12 %",
                 ("porosity", Scale::Linear),

@@ -38,7 +38,8 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let mut stress = Chart::new("[Liu2018] Fig. 13a: initial anisotropy", x, y);
     let mut volume =
         Chart::new("[Liu2018] Fig. 13b: initial anisotropy", x, ("relative change of volume", Scale::Linear));
-    let mut contacts = Chart::new("[Liu2018] Fig. 14a: initial anisotropy", x, ("contacts per grain", Scale::Linear));
+    let mut contacts =
+        Chart::new("[Liu2018] Fig. 14a: initial anisotropy", x, ("coordination number", Scale::Linear));
     let mut induced =
         Chart::new("[Liu2018] Fig. 14b: initial anisotropy", x, ("anisotropy of the contacts", Scale::Linear));
     let mut comparisons = Vec::new();
@@ -54,7 +55,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         comparisons.push(Comparison::reported(format!("peak stress ratio, {label}"), "-", top[1]));
         comparisons.push(Comparison::reported(format!("strain at the peak, {label}"), "-", top[0]));
         comparisons.push(Comparison::reported(
-            format!("contacts per grain at 7 % strain, {label}"),
+            format!("coordination number at 7 % strain, {label}"),
             "-",
             value_at(&number, 0.07),
         ));

@@ -50,7 +50,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
         ));
         if name == "002" {
             comparisons.push(Comparison::new(
-                "contacts per grain of the frame",
+                "coordination number of the frame",
                 "-",
                 Theirs::Value(3.42),
                 "[Liu2018] section 4.1",
@@ -58,7 +58,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
                 Tolerance::Absolute(0.1),
             ));
             comparisons.push(Comparison::reported(
-                "contacts per grain of the periodic cell that it is cut from",
+                "coordination number of the periodic cell that it is cut from",
                 "-",
                 first("coordination_number")?,
             ));

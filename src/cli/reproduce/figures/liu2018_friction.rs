@@ -40,7 +40,7 @@ fn evaluate(results: &Results, _: Size) -> Result<Outcome, ReproduceError> {
     let x = ("axial compression", Scale::Linear);
     let mut stress = Chart::new("[Liu2018] Fig. 8a: friction", x, ("|(s11 - s22) / (s11 + s22)|", Scale::Linear));
     let mut volume = Chart::new("[Liu2018] Fig. 8b: friction", x, ("relative change of volume", Scale::Linear));
-    let mut contacts = Chart::new("[Liu2018] Fig. 9a: friction", x, ("contacts per grain", Scale::Linear));
+    let mut contacts = Chart::new("[Liu2018] Fig. 9a: friction", x, ("coordination number", Scale::Linear));
     let mut anisotropy = Chart::new("[Liu2018] Fig. 9b: friction", x, ("anisotropy of the contacts", Scale::Linear));
     let mut comparisons = Vec::new();
     let mut fabrics = Vec::new();

@@ -173,7 +173,7 @@ impl Collected {
         let chart = |title: &str, y: &str| Chart::new(title, x, (y, Scale::Linear));
         Self {
             ratio: chart("[Liu2018] Fig. 4: meshes", "|(s11 - s22) / (s11 + s22)|"),
-            contacts: chart("[Liu2018] Fig. 5a: meshes", "contacts per grain"),
+            contacts: chart("[Liu2018] Fig. 5a: meshes", "coordination number"),
             anisotropy: chart("[Liu2018] Fig. 5b: meshes", "anisotropy of the contacts"),
             deviation: chart(
                 "[Liu2018] Fig. 6: spread of |(s11 - s22) / (s11 + s22)|",

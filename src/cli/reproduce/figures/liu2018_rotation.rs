@@ -97,7 +97,7 @@ fn evaluate(results: &Results, size: Size) -> Result<Outcome, ReproduceError> {
     let mut anisotropy =
         Chart::new("[Liu2018] Fig. 11b: rotations", x, ("anisotropy of the contacts", Scale::Linear));
     let mut volume = Chart::new("[Liu2018] Fig. 10b: rotations", x, ("relative change of volume", Scale::Linear));
-    let mut contacts = Chart::new("[Liu2018] Fig. 11a: rotations", x, ("contacts per grain", Scale::Linear));
+    let mut contacts = Chart::new("[Liu2018] Fig. 11a: rotations", x, ("coordination number", Scale::Linear));
     let mut comparisons = Vec::new();
     for cells in Cells::of(size) {
         let mut largest = Vec::new();
