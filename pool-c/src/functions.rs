@@ -1,6 +1,7 @@
 //! The functions of the header.
 
 use crate::ffi_boundary::{Failure, guarded, last_error, slice, slice_mut, text};
+use crate::material::expect_ramp_steps;
 use grain_pool::{PoolError, PoolOptions, RvePool, Snapshot, State, Trial};
 use protocol::{TangentKind, Tensor2, TrialOptions, TrialResult};
 use scene_reader::{Document, read_cell};
@@ -178,6 +179,7 @@ pub unsafe extern "C" fn grainspan_trial(
         let kind = TangentKind::from_wire(tangent).ok_or_else(|| {
             Failure::input(format!("there is no tangent number {tangent}; 0 is none, 2 the usual one"))
         })?;
+        expect_ramp_steps("ramp_steps", ramp_steps)?;
         let options = TrialOptions { tangent: kind, ramp_steps, ..TrialOptions::default() };
         let make = |(state, gradient): (State, &[f64])| Trial { state, target: target(pool, gradient), options };
         let trials: Vec<Trial> = states.into_iter().zip(gradients.chunks_exact(9)).map(make).collect();

@@ -4,7 +4,7 @@ use crate::ffi_boundary::Failure;
 use crate::functions::GrainspanPool;
 use crate::gather::Gather;
 use grain_pool::{PoolError, RvePool, State, Trial};
-use protocol::{TangentKind, Tensor2, TrialOptions, TrialResult};
+use protocol::{MOST_RAMP_STEPS, TangentKind, Tensor2, TrialOptions, TrialResult};
 use std::env::VarError;
 use std::str::FromStr;
 use std::sync::OnceLock;
@@ -132,6 +132,19 @@ fn number<T: FromStr>(name: &str) -> Result<Option<T>, Failure> {
     text.trim().parse().map(Some).map_err(wrong)
 }
 
+/// Refuses more increments than a trial may have; `name` is where the number comes from.
+///
+/// # Errors
+/// It is larger.
+pub(crate) fn expect_ramp_steps(name: &str, number: u32) -> Result<(), Failure> {
+    if number <= MOST_RAMP_STEPS {
+        return Ok(());
+    }
+    Err(Failure::input(format!(
+        "{name} = {number}: a deformation is applied in at most {MOST_RAMP_STEPS} increments; 0 lets the cell choose"
+    )))
+}
+
 /// The part of a displacement gradient that cells of discs take.
 ///
 /// # Errors
@@ -151,6 +164,7 @@ fn in_plane(target: &Tensor2) -> Result<Tensor2, Failure> {
 
 fn open() -> Result<Material, Failure> {
     let ramp_steps = number(RAMP_STEPS)?.unwrap_or(0);
+    expect_ramp_steps(RAMP_STEPS, ramp_steps)?;
     let strains = match optional(STRAINS)?.as_deref() {
         None | Some("finite") => Strains::Finite,
         Some("lagrange") => Strains::Lagrange,
@@ -187,6 +201,14 @@ pub(crate) fn material() -> Result<&'static Material, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// It took half an hour that nobody could interrupt.
+    #[test]
+    fn a_count_of_increments_out_of_bounds_is_refused() {
+        assert!(expect_ramp_steps("ramp_steps", MOST_RAMP_STEPS).is_ok());
+        let error = expect_ramp_steps("ramp_steps", 4_000_000_000).unwrap_err().text;
+        assert!(error.contains("ramp_steps = 4000000000"), "{error}");
+    }
 
     #[test]
     fn cells_of_discs_take_strains_in_their_plane_alone() {

@@ -93,6 +93,9 @@ impl TangentKind {
     }
 }
 
+/// Most increments that the doors to other codes take for one trial: a count that is out of its bounds would keep a worker for hours.
+pub const MOST_RAMP_STEPS: u32 = 1_000_000;
+
 /// Options of a trial: results wanted in addition to the stress, and the number of increments, which must not vary within a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrialOptions {

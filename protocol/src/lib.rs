@@ -29,8 +29,8 @@ pub mod transport;
 pub mod wire;
 
 pub use engine::{
-    Capabilities, Cost, Definition, RveEngine, RveError, RveSolver, Scalars, SnapshotKind, TangentKind, TrialFlags,
-    TrialOptions, TrialRequest, TrialResult, solve_alone,
+    Capabilities, Cost, Definition, MOST_RAMP_STEPS, RveEngine, RveError, RveSolver, Scalars, SnapshotKind,
+    TangentKind, TrialFlags, TrialOptions, TrialRequest, TrialResult, solve_alone,
 };
 pub use identity::{ContentId, DefinitionId, StateId};
 pub use observed::{Observables, Observed, OptionalResult};

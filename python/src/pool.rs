@@ -6,6 +6,7 @@ use crate::error::raised;
 use crate::result::{dictionary, options};
 use crate::signals::interruptible;
 use grain_pool::{PoolError, PoolOptions, RvePool, Snapshot, State, Trial};
+use protocol::MOST_RAMP_STEPS;
 use protocol::transport::shared_memory::Waiting;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -81,7 +82,12 @@ impl Pool {
         }
         let mut trials = Vec::with_capacity(states.len());
         for ((&state, target), ramp) in states.iter().zip(targets).zip(ramps) {
-            let ramp_steps = u32::try_from(ramp).map_err(|_| PyValueError::new_err("too many ramp steps"))?;
+            let known = u32::try_from(ramp).ok().filter(|steps| *steps <= MOST_RAMP_STEPS);
+            let ramp_steps = known.ok_or_else(|| {
+                PyValueError::new_err(format!(
+                    "ramp_steps = {ramp}: at most {MOST_RAMP_STEPS}; 0 lets the cell choose"
+                ))
+            })?;
             trials.push(Trial { state, target, options: protocol::TrialOptions { ramp_steps, ..common } });
         }
         let results = interruptible(py, |keep_going| self.pool.trial_while(&trials, keep_going))?;

@@ -2,7 +2,7 @@
 
 use crate::arrays::{bytes, components, operator};
 use protocol::keyword::UnknownKeyword;
-use protocol::{Observables, TangentKind, Tensor2, TrialOptions, TrialResult};
+use protocol::{MOST_RAMP_STEPS, Observables, TangentKind, Tensor2, TrialOptions, TrialResult};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -52,6 +52,11 @@ pub(crate) fn options(tangent: &str, observables: &[String], ramp_steps: u32) ->
             PyValueError::new_err(format!("observable {name:?} is unknown; choose from {known}"))
         })?;
         wanted = wanted.union(*one);
+    }
+    if ramp_steps > MOST_RAMP_STEPS {
+        return Err(PyValueError::new_err(format!(
+            "ramp_steps = {ramp_steps}: at most {MOST_RAMP_STEPS}; 0 lets the cell choose"
+        )));
     }
     Ok(TrialOptions { tangent: tangent_kind(tangent)?, ramp_steps, observables: wanted, ..TrialOptions::default() })
 }

@@ -51,10 +51,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     drop(progress_line);
     let (packing, report) = made.map_err(|error| {
         let text = format!("{}: {error}", arguments.recipe.display());
-        let thickness = if recipe.dimension == 2 { " or a smaller thickness" } else { "" };
-        let hint = format!(
-            "try another seed, more grains, a narrower grading or a looser tolerance; for large overlaps a larger modulus{thickness}"
-        );
+        let hint = "try another seed, more grains, a narrower grading or a looser tolerance; grains whose modulus is far above 1e5 times the pressure may \
+                    not get there at all";
         Failure::new(Exit::NotConverged, format!("{text}\nhint: {hint}"))
     })?;
     let text = match &packing {

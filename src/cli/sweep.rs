@@ -313,10 +313,19 @@ fn described(sweeps: &[Sweep], values: &[&str]) -> String {
 fn read(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<(Document, ElementTest, Packing), Failure> {
     let own = sweeps.iter().zip(values).map(|(sweep, value)| format!("{}={value}", sweep.key));
     let overrides: Vec<String> = common.overrides.iter().cloned().chain(own).collect();
-    let document = Document::read_in_size(common.path, common.size, &overrides)?;
-    document.expect(Kind::ElementTest)?;
-    let (test, packing) = read_element_test(&document)?;
-    Ok((document, test, packing))
+    let found = || -> Result<_, Failure> {
+        let document = Document::read_in_size(common.path, common.size, &overrides)?;
+        document.expect(Kind::ElementTest)?;
+        let (test, packing) = read_element_test(&document)?;
+        Ok((document, test, packing))
+    };
+    // Swept values are given over as overrides, which the user has not written.
+    found().map_err(|failure| {
+        let renamed = |message: String, sweep: &Sweep| {
+            message.replace(&format!("--set {}=", sweep.key), &format!("--sweep {}=", sweep.key))
+        };
+        Failure { message: sweeps.iter().fold(failure.message, renamed), ..failure }
+    })
 }
 
 /// Runs one test.

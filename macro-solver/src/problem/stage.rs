@@ -196,7 +196,7 @@ struct StabilisationKeys {
     #[schemars(extend("x-procedures" = "implicit"))]
     stabilise: bool,
     /// Failed attempts after which a step is stabilised before it has been cut back to the smallest size; 0: only where the smallest
-    /// step has failed. Refused where `stabilise` is false.
+    /// step has failed. A step in which supports move by more than 2 % of the smallest extent of the body is cut back before. Refused where `stabilise` is false.
     #[schemars(extend("x-default" = "1 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
     stabilise_after: Option<usize>,
     /// Increments with supports and loads at rest after which the body counts as having no equilibrium: it returns to

@@ -130,6 +130,14 @@ fn lock(path: &Path) -> Result<File, Failure> {
     lock_folder(path, "--out", "run", hint)
 }
 
+/// Refuses a folder that a run writes to now: what else may be wrong with continuing it does not matter then.
+///
+/// # Errors
+/// One does.
+pub(super) fn refuse_live(path: &Path) -> Result<(), Failure> {
+    if path.is_dir() { lock(path).map(drop) } else { Ok(()) }
+}
+
 /// A missing file need not be removed.
 fn absent(removed: std::io::Result<()>) -> std::io::Result<()> {
     match removed {
@@ -197,7 +205,10 @@ mod tests {
         assert!(!path.join(".history.csv.99.partial").exists());
         let taken = OutputFolder::reopen(&path).unwrap_err();
         assert!(taken.message.contains("another run writes"), "{}", taken.message);
+        assert_eq!(refuse_live(&path).unwrap_err().message, taken.message);
         drop(second);
+        refuse_live(&path).unwrap();
+        refuse_live(&place.path().join("none")).unwrap();
         OutputFolder::reopen(&path).unwrap();
         assert!(!path.join("report.html").exists() && !path.join("mesh.msh").exists());
         assert!(!path.join("history.csv").exists() && !path.join("fields").exists());

@@ -48,7 +48,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     }
     launch::refuse_too_many(&scene, &assignment, arguments)?;
     hosts::check(arguments)?;
-    if !arguments.resume {
+    if arguments.resume {
+        folder::refuse_live(&path)?;
+    } else {
         folder::refuse_foreign(&path)?;
     }
     let watch = launch::Watch::start()?;

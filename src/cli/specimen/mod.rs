@@ -7,10 +7,12 @@ mod profile;
 use self::checkpoint::SpecimenCheckpoint;
 use self::pictures::Pictures;
 use self::profile::Profiles;
+use super::rve_test::rows_in_words;
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
 use crate::workers::SignalWatch;
+use grain_pool::processes::most_workers;
 use indicatif::{ProgressBar, ProgressStyle};
 use macro_solver::output::remove_drafts;
 use rve_server::definition::Packing;
@@ -93,6 +95,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     test.validate(packing.dimension() as usize).map_err(|error| document.table_error(error))?;
     expect_place(arguments.out.as_deref(), &[&arguments.test, &document.resolve(Path::new(&test.packing))])?;
     if let Some(threads) = arguments.threads {
+        let most = most_workers();
+        if threads > most {
+            let text =
+                format!("--threads {threads}: at most {most} on this machine, and more than one per core is slower");
+            return Err(Failure::new(Exit::BadInput, text));
+        }
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build_global()
@@ -316,26 +324,27 @@ fn closing(summary: &SpecimenSummary) -> String {
         fallbacks.push(format!("stages without equilibrium at the end: {unbalanced_stages}"));
     }
     if *shortenings > 0 {
-        fallbacks.push(format!("step shortened: {shortenings} times"));
+        fallbacks.push(format!("shortened steps: {shortenings}"));
     }
     if summary.servo_misses > 0 {
         fallbacks.push(format!(
-            "wall stress off its target in {} rows, by {:.1} % at most",
-            summary.servo_misses,
+            "wall stress off its target in {}, by {:.1} % at most",
+            rows_in_words(summary.servo_misses),
             100.0 * summary.largest_servo_error
         ));
     }
     if summary.unbalanced_rows > 0 {
         fallbacks.push(format!(
-            "not quasi-static in {} rows: an unbalanced force is above a tenth of the mean contact force, up to {:.2} of it; more `steps` make \
+            "not quasi-static in {}: an unbalanced force is above a tenth of the mean contact force, up to {:.2} of it; more `steps` make \
              a stage slower",
-            summary.unbalanced_rows, summary.largest_unbalanced
+            rows_in_words(summary.unbalanced_rows),
+            summary.largest_unbalanced
         ));
     }
     if summary.energy_misses > 0 {
         fallbacks.push(format!(
-            "energy not accounted for in {} rows, {:.1} % at most",
-            summary.energy_misses,
+            "energy not accounted for in {}, {:.1} % at most",
+            rows_in_words(summary.energy_misses),
             100.0 * summary.largest_energy_error
         ));
     }

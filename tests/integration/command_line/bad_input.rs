@@ -456,6 +456,11 @@ fn a_key_that_is_swept_twice_is_refused() {
     let twice = ["--sweep", "contact.friction=0.1,0.2", "--sweep", "contact.friction=0.3,0.4"];
     input
         .refused(&[&["element", "element.toml"][..], &twice].concat(), &["contact.friction", "swept twice", "hint:"]);
+    // The error names the option that was written.
+    input.refused(
+        &["element", "element.toml", "--sweep", "contact.fricton=0.1,0.2"],
+        &["--sweep contact.fricton=0.1", "friction"],
+    );
 }
 
 #[test]
