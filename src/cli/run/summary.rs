@@ -261,6 +261,7 @@ mod tests {
     use super::super::counters::COUNTERS;
     use super::*;
     use macro_solver::checkpoint::CheckpointError;
+    use macro_solver::observer::BalanceError;
     use macro_solver::problem::ProblemError;
 
     fn inputs() -> SummaryInputs {
@@ -326,6 +327,19 @@ mod tests {
             assert_eq!(text.contains("energy balance of the motion off by up to 128 %"), warned, "{text}");
             assert!(text.contains("done: 4 steps, 0 iterations, 17 time steps in"), "{text}");
             assert_eq!((summary.steps, summary.time_steps), (4, 17));
+        }
+    }
+
+    /// Of a stress that was off by its own size the closing lines said nothing among the warnings.
+    #[test]
+    fn stresses_far_from_balance_are_warned_of() {
+        for (of_mean, warned) in [(0.04, false), (1.376, true)] {
+            let balance = BalanceError { rms: 2.0 * of_mean, of_mean };
+            let mut statistics = Statistics { steps: 4, ..Statistics::default() };
+            statistics.accuracy.balance = Some(balance);
+            statistics.accuracy.largest_balance = balance;
+            let (_, text) = ended(Outcome::Completed, statistics, &PoolStatistics::default());
+            assert_eq!(text.contains("an error of up to 138 % of the mean stress"), warned, "{text}");
         }
     }
 

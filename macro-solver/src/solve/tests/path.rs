@@ -6,7 +6,7 @@
 use super::*;
 use crate::material::altered::{Altered, EachAnswer};
 use crate::observer::Outcome;
-use crate::problem::{PathControl, Predictor, Strategy};
+use crate::problem::{PathControl, Predictor, ProblemError, Strategy};
 use crate::solve::newton::path::PathConstraint;
 
 const MODULUS: f64 = 1.0e7;
@@ -173,4 +173,22 @@ fn an_arc_length_without_a_set_is_that_of_all_nodes() {
     }
     let deep = problem(None, Some(Axis::Z)).validate().unwrap_err().to_string();
     assert!(deep.contains("no direction z"), "{deep}");
+}
+
+/// It was cut back ten times, and the hint was to take smaller steps.
+#[test]
+fn a_control_that_measures_nothing_the_load_moves_ends_the_run_at_once() {
+    let of = |nodes: &str, relative_to: Option<&str>| PathControl::Indirect {
+        nodes: nodes.into(),
+        relative_to: relative_to.map(str::to_owned),
+        axis: Axis::Y,
+        growth: -0.1,
+    };
+    let held = PathControl::ArcLength { first_load: 0.1, set: Some("bottom".into()), component: Some(Axis::Y) };
+    for control in [of("top", Some("top")), of("bottom", None), held] {
+        let problem = column(2, pressed(MODULUS), control);
+        let run = solve(&problem, &mut material(&problem, 1.0), &mut Recorder::default());
+        assert!(matches!(run.outcome, Outcome::Refused(ProblemError::NothingMeasured)), "{:?}", run.outcome);
+        assert_eq!(run.statistics.cut_backs, 0);
+    }
 }
