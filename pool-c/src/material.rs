@@ -148,10 +148,10 @@ pub(crate) fn expect_ramp_steps(name: &str, number: u32) -> Result<(), Failure> 
 /// The part of a displacement gradient that cells of discs take.
 ///
 /// # Errors
-/// It strains out of their plane, or holds a number that is none there.
+/// It strains out of their plane, or holds a NaN there.
 fn in_plane(target: &Tensor2) -> Result<Tensor2, Failure> {
     let out_of_plane = (0..9).filter(|place| place / 3 == 2 || place % 3 == 2).map(|place| target.0[place].abs());
-    // A number that is none is larger than any.
+    // In this order a NaN is larger than any number.
     let largest = out_of_plane.max_by(f64::total_cmp).unwrap_or(0.0);
     if largest.is_nan() || largest > NO_STRAIN {
         return Err(Failure::input(format!(

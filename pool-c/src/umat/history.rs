@@ -144,7 +144,7 @@ fn check_first(call: &Call) -> Result<(), Failure> {
     let differences = (0..9).map(|entry| (before[entry / 3][entry % 3] - unit(entry / 3, entry % 3)).abs());
     let farthest = differences.max_by(f64::total_cmp).unwrap_or(0.0);
     if farthest.is_nan() {
-        return Err(Failure::input(format!("{place}: DFGRD0 holds a number that is none")));
+        return Err(Failure::input(format!("{place}: DFGRD0 holds a NaN")));
     }
     if *begin > 0.0 && farthest > DEFORMED {
         return Err(Failure::input(format!(

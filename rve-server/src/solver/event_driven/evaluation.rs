@@ -446,70 +446,64 @@ mod tests {
     use crate::engine::GrainRve;
     use std::path::Path;
 
+    /// The shipped packing of 100 discs under a contact law, as it stands, given to `look`.
+    fn with_discs(friction: f64, cohesion: f64, look: impl FnOnce(&Start<'_>)) {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
+        let linear = ContactTable::linear(1.0, 0.8, friction);
+        let contact = ContactTable { normal_stiffness: None, modulus: Some(1.0e8), cohesion, ..linear };
+        let packing = PackingFile::read(&file).unwrap();
+        let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
+        let model = GrainModel::new(&definition).unwrap();
+        let law = definition.contact.plain_linear().unwrap();
+        let state = GrainRve::new(&definition).unwrap().committed().clone();
+        let mut pairs = Vec::new();
+        let positions = state.positions.iter().copied();
+        PairFinder::default().find(&state.cell, positions, &model.radii, 1e-5, &mut pairs);
+        let near = NearPairsMemory::default().of(&Arc::new(pairs), &model, &law);
+        look(&Start::of(&law, &state, near, true));
+    }
+
     /// A grain in bonds without force was pushed out of them, and the energy that it takes to break them was missing.
     #[test]
     fn no_grain_is_pushed_out_of_its_bonds() {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
         for cohesion in [0.0, 1e-6] {
-            let linear = ContactTable::linear(1.0, 0.8, 0.5);
-            let contact = ContactTable { normal_stiffness: None, modulus: Some(1.0e8), cohesion, ..linear };
-            let packing = PackingFile::read(&file).unwrap();
-            let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
-            let model = GrainModel::new(&definition).unwrap();
-            let law = definition.contact.plain_linear().unwrap();
-            let state = GrainRve::new(&definition).unwrap().committed().clone();
-            let mut pairs = Vec::new();
-            PairFinder::default().find(&state.cell, state.positions.iter().copied(), &model.radii, 1e-5, &mut pairs);
-            let near = NearPairsMemory::default().of(&Arc::new(pairs), &model, &law);
-            let start = Start::of(&law, &state, near, true);
-            let mut motion = vec![[0.0; 3]; model.radii.len()];
-            let evaluation = start.evaluate(&[[-1e-5, 0.0], [0.0, 1e-5]], &motion);
-            // As if every grain were loose.
-            let is_moved = start.free_loose_grains(&evaluation, &mut motion, f64::INFINITY, 0.0);
-            assert_eq!(
-                (is_moved, motion.iter().any(|motion| *motion != [0.0; 3])),
-                (cohesion == 0.0, cohesion == 0.0)
-            );
+            with_discs(0.5, cohesion, |start| {
+                let mut motion = vec![[0.0; 3]; start.state.positions.len()];
+                let evaluation = start.evaluate(&[[-1e-5, 0.0], [0.0, 1e-5]], &motion);
+                // As if every grain were loose.
+                let is_moved = start.free_loose_grains(&evaluation, &mut motion, f64::INFINITY, 0.0);
+                let moves = motion.iter().any(|motion| *motion != [0.0; 3]);
+                assert_eq!((is_moved, moves), (cohesion == 0.0, cohesion == 0.0));
+            });
         }
     }
 
     /// Motions of all grains that open, close and slide contacts, in a strained cell: the same bits whatever the processor has.
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
         for friction in [0.0, 0.3, 1.0] {
-            let linear = ContactTable::linear(1.0, 0.8, friction);
-            let contact = ContactTable { normal_stiffness: None, modulus: Some(1.0e8), ..linear };
-            let packing = PackingFile::read(&file).unwrap();
-            let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
-            let model = GrainModel::new(&definition).unwrap();
-            let law = definition.contact.plain_linear().unwrap();
-            let state = GrainRve::new(&definition).unwrap().committed().clone();
-            let mut pairs = Vec::new();
-            let positions = state.positions.iter().copied();
-            PairFinder::default().find(&state.cell, positions, &model.radii, 1e-5, &mut pairs);
-            let near = NearPairsMemory::default().of(&Arc::new(pairs), &model, &law);
-            let start = Start::of(&law, &state, near, true);
-            let motion: Vec<Motion> = (0..model.radii.len())
-                .map(|grain| [0.3, 0.7, 1.1].map(|phase| 2e-6 * (phase * grain as f64).sin()))
-                .collect();
-            let strain = [[-2e-4, 1e-4], [1e-4, -5e-4]];
-            let wide = start.evaluate(&strain, &motion);
-            let plain = Contacts { start: &start, strain: &strain, motion: &motion }.run();
-            assert_eq!(wide.loads, plain.loads);
-            assert_eq!((wide.positions(), wide.sums), (plain.positions(), plain.sums));
-            let listed = 0..start.near().keys.len();
-            let kinds = listed.fold([0; 3], |[touching, sliding, open], place| {
-                let now = wide.pair(place);
-                assert_eq!(format!("{now:?}"), format!("{:?}", plain.pair(place)));
-                [
-                    touching + usize::from(now.touches),
-                    sliding + usize::from(now.slides),
-                    open + usize::from(!now.touches),
-                ]
+            with_discs(friction, 0.0, |start| {
+                let motion: Vec<Motion> = (0..start.state.positions.len())
+                    .map(|grain| [0.3, 0.7, 1.1].map(|phase| 2e-6 * (phase * grain as f64).sin()))
+                    .collect();
+                let strain = [[-2e-4, 1e-4], [1e-4, -5e-4]];
+                let wide = start.evaluate(&strain, &motion);
+                let plain = Contacts { start, strain: &strain, motion: &motion }.run();
+                assert_eq!(wide.loads, plain.loads);
+                assert_eq!((wide.positions(), wide.sums), (plain.positions(), plain.sums));
+                let listed = 0..start.near().keys.len();
+                let kinds = listed.fold([0; 3], |[touching, sliding, open], place| {
+                    let now = wide.pair(place);
+                    assert_eq!(format!("{now:?}"), format!("{:?}", plain.pair(place)));
+                    [
+                        touching + usize::from(now.touches),
+                        sliding + usize::from(now.slides),
+                        open + usize::from(!now.touches),
+                    ]
+                });
+                assert!(kinds[1] > 0 && kinds[2] > 0 && kinds[0] == wide.sums.contacts as usize, "{kinds:?}");
+                assert!(wide.sums.opening_loss > 0.0 || friction == 0.0, "no contact has opened");
             });
-            assert!(kinds[1] > 0 && kinds[2] > 0 && kinds[0] == wide.sums.contacts as usize, "{kinds:?}");
-            assert!(wide.sums.opening_loss > 0.0 || friction == 0.0, "no contact has opened");
         }
     }
 }
