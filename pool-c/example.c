@@ -7,6 +7,7 @@
 
 #define _POSIX_C_SOURCE 200809L
 #include "grainspan_pool.h"
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -173,6 +174,9 @@ int main(int count, char **words) {
     done(grainspan_trial(pool, POINTS, states, gradients, 0, 0, again, NULL, NULL, NULL));
     expect(memcmp(stresses, again, sizeof stresses) == 0, "a trial leaves the committed state alone");
     expect(stresses[4] < -1e5 && tangents[40] > 0 && scalars[0] > 0, "compression, stiffness, void ratio");
+    expect(grainspan_trial(pool, POINTS, states, gradients, 0, 0, again, tangents, NULL, NULL) == 3,
+           "room for operators and no operator asked for");
+    expect(grainspan_trial(pool, SIZE_MAX / 8, states, gradients, 0, 0, again, NULL, NULL, NULL) == 3, "too many points");
     done(grainspan_rollback(pool, 1, states));
     expect(grainspan_commit(pool, POINTS, states) == 3, "a state without a trial cannot be committed");
     done(grainspan_commit(pool, POINTS - 1, states + 1));

@@ -60,7 +60,7 @@ int32_t grainspan_new_states(const GrainspanPool *pool,
 // cells read the upper left block. `tangent`: number of the operator, 0 for none (docs/reference/protocol.md); 2 is the usual one.
 // `ramp_steps`: increments in which the deformation is applied, 0 for the choice of the cell. `stresses`: receives nine numbers for
 // each point, Cauchy, Pa, tension positive. `tangents`: receives 81 numbers for each, `d sigma_ij / d F_kl` with F relative to the end
-// of the trial, in the order ijkl; null where not wanted. `scalars`: receives five numbers for each, or null: void ratio, coordination
+// of the trial, in the order ijkl; null where not wanted, and if `tangent` is 0. `scalars`: receives five numbers for each, or null: void ratio, coordination
 // number, unbalanced force ratio, largest overlap over diameter, volume over initial volume. `refused`: receives the place of the
 // refused point when 1 is returned; may be null.
 //

@@ -1,6 +1,7 @@
 //! What was measured on: without it no figure can be compared.
 
 use crate::build_info;
+use crate::side_by_side::cores;
 use serde::Serialize;
 use std::fs;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -47,7 +48,7 @@ impl Machine {
             date: date(seconds),
             processor: field("model name").to_owned(),
             instructions: field("flags").split_whitespace().filter(|name| matters(name)).map(str::to_owned).collect(),
-            cores: std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get),
+            cores: cores().get(),
             memory_gb: kilobytes.map_or(f64::NAN, |amount| (amount * 1.024e-6 * 10.0).round() / 10.0),
             kernel: read("/proc/sys/kernel/osrelease").trim().to_owned(),
             load: read("/proc/loadavg").split(' ').next().and_then(|text| text.parse().ok()).unwrap_or(f64::NAN),

@@ -69,7 +69,8 @@ pub(crate) unsafe fn text(pointer: *const c_char, name: &str) -> Result<String, 
         return Err(Failure::input(format!("`{name}` is a null pointer")));
     }
     // SAFETY: as promised by the caller.
-    Ok(unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned())
+    let text = unsafe { CStr::from_ptr(pointer) }.to_str();
+    Ok(text.map_err(|_| Failure::input(format!("`{name}` is not UTF-8")))?.to_owned())
 }
 
 /// An array from C.

@@ -145,7 +145,7 @@ pub unsafe extern "C" fn grainspan_new_states(
 /// cells read the upper left block. `tangent`: number of the operator, 0 for none (docs/reference/protocol.md); 2 is the usual one.
 /// `ramp_steps`: increments in which the deformation is applied, 0 for the choice of the cell. `stresses`: receives nine numbers for
 /// each point, Cauchy, Pa, tension positive. `tangents`: receives 81 numbers for each, `d sigma_ij / d F_kl` with F relative to the end
-/// of the trial, in the order ijkl; null where not wanted. `scalars`: receives five numbers for each, or null: void ratio, coordination
+/// of the trial, in the order ijkl; null where not wanted, and if `tangent` is 0. `scalars`: receives five numbers for each, or null: void ratio, coordination
 /// number, unbalanced force ratio, largest overlap over diameter, volume over initial volume. `refused`: receives the place of the
 /// refused point when 1 is returned; may be null.
 ///
@@ -171,7 +171,8 @@ pub unsafe extern "C" fn grainspan_trial(
         // SAFETY: as promised by the caller.
         let (pool, states, gradients) = unsafe {
             let pool = opened(pool)?;
-            (pool, pool.states(slice(states, count, "states")?)?, slice(gradients, 9 * count, "gradients")?)
+            let gradients = slice(gradients, numbers(count, 9)?, "gradients")?;
+            (pool, pool.states(slice(states, count, "states")?)?, gradients)
         };
         if stresses.is_null() && count > 0 {
             return Err(Failure::input("`stresses` is a null pointer"));
@@ -179,6 +180,9 @@ pub unsafe extern "C" fn grainspan_trial(
         let kind = TangentKind::from_wire(tangent).ok_or_else(|| {
             Failure::input(format!("there is no tangent number {tangent}; 0 is none, 2 the usual one"))
         })?;
+        if kind == TangentKind::None && !tangents.is_null() && count > 0 {
+            return Err(Failure::input("`tangents` is given and `tangent` is 0: name an operator, or pass null"));
+        }
         expect_ramp_steps("ramp_steps", ramp_steps)?;
         let options = TrialOptions { tangent: kind, ramp_steps, ..TrialOptions::default() };
         let make = |(state, gradient): (State, &[f64])| Trial { state, target: target(pool, gradient), options };
@@ -189,14 +193,18 @@ pub unsafe extern "C" fn grainspan_trial(
                 place[0] = *point;
             }
         })?;
+        let [of_stresses, of_tangents, of_scalars] = [numbers(count, 9)?, numbers(count, 81)?, numbers(count, 5)?];
         // SAFETY: as promised by the caller.
         let (stresses, tangents, scalars) = unsafe {
-            (slice_mut(stresses, 9 * count), slice_mut(tangents, 81 * count), slice_mut(scalars, 5 * count))
+            (slice_mut(stresses, of_stresses), slice_mut(tangents, of_tangents), slice_mut(scalars, of_scalars))
         };
-        fill(stresses, 9, &results, |result| result.stress.0.to_vec());
-        fill(tangents, 81, &results, |result| result.tangent.as_ref().map_or(vec![0.0; 81], |one| one.0.to_vec()));
-        fill(scalars, 5, &results, |result| scalars_of(result).to_vec());
-        Ok(())
+        let operator = |result: &TrialResult| -> Result<Vec<f64>, Failure> {
+            let operator = result.tangent.as_ref().ok_or_else(|| Failure::input("a reply has no operator"))?;
+            Ok(operator.0.to_vec())
+        };
+        fill(stresses, 9, &results, |result| Ok(result.stress.0.to_vec()))?;
+        fill(tangents, 81, &results, operator)?;
+        fill(scalars, 5, &results, |result| Ok(scalars_of(result).to_vec()))
     })
 }
 
@@ -310,8 +318,20 @@ pub(crate) fn scalars_of(result: &TrialResult) -> [f64; 5] {
     ]
 }
 
-fn fill(room: Option<&mut [f64]>, width: usize, results: &[TrialResult], of: impl Fn(&TrialResult) -> Vec<f64>) {
+/// Writes `width` numbers of each result where C wants them.
+fn fill(
+    room: Option<&mut [f64]>,
+    width: usize,
+    results: &[TrialResult],
+    of: impl Fn(&TrialResult) -> Result<Vec<f64>, Failure>,
+) -> Result<(), Failure> {
     for (place, result) in room.into_iter().flat_map(|room| room.chunks_exact_mut(width)).zip(results) {
-        place.copy_from_slice(&of(result));
+        place.copy_from_slice(&of(result)?);
     }
+    Ok(())
+}
+
+/// Length of an array with `width` numbers for each of `count` points.
+fn numbers(count: usize, width: usize) -> Result<usize, Failure> {
+    count.checked_mul(width).ok_or_else(|| Failure::input(format!("{count} points are too many")))
 }

@@ -1,16 +1,16 @@
 //! `grainspan check SCENE.toml`: validates everything a run would need and runs nothing.
 
 use super::estimate::Estimate;
-use super::start_state::{self, PackingState};
+use super::start_state::{self, LoadComparison, PackingState};
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
+use crate::side_by_side::cores;
 use crate::stdout::print;
 use macro_solver::mesh::{ElementKind, Mesh};
 use macro_solver::problem::{Problem, Procedure, Stage};
 use protocol::TangentKind;
 use scene_reader::Scene;
 use std::fmt::Write;
-use std::num::NonZeroUsize;
 use std::path::{Component, Path, PathBuf};
 
 /// Arguments of `grainspan check`.
@@ -38,20 +38,20 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let scene = Scene::load_in_size(&arguments.scene, arguments.size.as_deref(), &arguments.overrides)?;
     let (scene, assignment) = EngineAssignment::of(scene, arguments.engine.as_deref())?;
-    let packing = PackingState::of(scene.definition())?;
-    print(overview(&scene, &assignment, &packing).as_bytes())?;
+    let packings = PackingState::of_all(&scene)?;
+    print(overview(&scene, &assignment, &packings).as_bytes())?;
     Ok(Exit::Done)
 }
 
-/// Overview of a run of the scene.
-fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState) -> String {
+/// Overview of a run of the scene, whose packings are in these states.
+fn overview(scene: &Scene, assignment: &EngineAssignment, packings: &[PackingState]) -> String {
+    let packing = &packings[0];
     let problem = &scene.problem;
     let options = scene.definition().options();
     let points = problem.point_count();
     let error = options.error.map_or(String::new(), |error| format!("error {error:e}: to begin with "));
     let quasi_static = problem.stages.iter().filter(|stage| !matches!(stage.procedure, Procedure::Dynamic(_)));
     let steps: usize = quasi_static.map(|stage| stage.control.increments).sum();
-    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     let prescribed: Vec<String> =
         problem.stages.iter().map(|stage| prescribed_count(problem, stage).to_string()).collect();
     // Between the first steps and those after the peak, measured on biaxial tests.
@@ -97,7 +97,7 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
         ("stages", problem.stages.iter().map(stage_line).collect::<Vec<_>>().join(", ")),
         ("steps", if steps > 0 { format!("{steps} without cut-backs") } else { "those of the motion".to_owned() }),
         ("evaluations", evaluations),
-        ("cost", Estimate::of(scene, range).text(cores)),
+        ("cost", Estimate::of(scene, range).text(cores().get())),
         (
             "history columns",
             scene.record.probes.iter().map(|probe| probe.name.as_str()).collect::<Vec<_>>().join(", "),
@@ -107,10 +107,18 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     for (label, value) in lines {
         writeln!(text, "{label:<20} {value}").expect("writing to a String cannot fail");
     }
-    let mut notes = remarks_on_the_packings(scene, packing);
-    let mismatch = start_state::mismatch(scene, packing).filter(|_| !packing.carries_no_load());
-    if let Some(mismatch) = &mismatch {
-        notes.push(format!("LOADS AND PACKING DO NOT MATCH: {mismatch}. Remedy: {}", start_state::remedy(scene)));
+    let mut notes = remarks_on_the_packings(scene, packings);
+    let loads = start_state::compare_loads(scene, packings);
+    // Of a packing without load the remarks say enough.
+    let differ = matches!(loads, LoadComparison::Differ(_)) && !packing.carries_no_load();
+    match loads {
+        LoadComparison::Differ(text) if differ => {
+            notes.push(format!("LOADS AND PACKING DO NOT MATCH: {text}. Remedy: {}", start_state::remedy(scene)));
+        }
+        LoadComparison::NotCompared(reason) => {
+            notes.push(format!("the initial loads are not compared with the stress of the packing: {reason}"));
+        }
+        LoadComparison::Differ(_) | LoadComparison::Match => {}
     }
     notes.extend(scene.remarks.iter().cloned());
     for note in notes {
@@ -130,30 +138,18 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packing: &PackingState
     for remark in assignment.remarks() {
         writeln!(text, "{:<20} {remark}", "note").expect("writing to a String cannot fail");
     }
-    text.push_str(match mismatch {
-        None => "Scene OK.\n",
-        Some(_) => "The scene can be run, but its loads and its packing do not match; see the note above.\n",
+    text.push_str(match differ {
+        false => "Scene OK.\n",
+        true => "The scene can be run, but its loads and its packing do not match; see the note above.\n",
     });
     text
 }
 
 /// What is to be known about the packing of the scene and those of its regions under their contact laws.
-fn remarks_on_the_packings(scene: &Scene, packing: &PackingState) -> Vec<String> {
-    let of = |packing: &PackingState| -> Vec<String> {
-        packing.remarks_on_the_law().into_iter().chain(packing.remarks()).collect()
-    };
-    let mut notes = of(packing);
-    // Cells that are brought to their initial stress, and packings that are turned, say nothing new.
-    let regions = scene.materials.definitions.iter().skip(1).filter(|_| scene.preparation().is_none());
-    for definition in regions {
-        for note in PackingState::of(definition).map(|packing| of(&packing)).unwrap_or_default() {
-            let note = format!("packing of a region: {note}");
-            if !notes.contains(&note) {
-                notes.push(note);
-            }
-        }
-    }
-    notes
+fn remarks_on_the_packings(scene: &Scene, packings: &[PackingState]) -> Vec<String> {
+    // Regions of cells that are brought to their initial stress say nothing new.
+    let packings = if scene.preparation().is_none() { packings } else { &packings[..1] };
+    start_state::remarks(packings, |packing| [packing.remarks_on_the_law(), packing.remarks()].concat())
 }
 
 /// Extent of the body along the axes, m.

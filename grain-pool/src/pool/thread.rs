@@ -189,7 +189,7 @@ fn open(
     settings.engines = vec![own.engine.clone(); definitions.len()];
     settings.versions = vec![(own.engine, own.version)];
     settings.jobs_per_message = JOBS_A_MESSAGE;
-    settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
+    settings.message_bytes = limits.message_length();
     let mut pool = Pool::new(port, Box::new(supply), interrupt, settings, definitions, &[]);
     pool.gather(options.workers).map_err(|error| failure(error, None))?;
     Ok(pool)

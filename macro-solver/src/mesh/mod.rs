@@ -20,7 +20,12 @@ pub use crate::element::{Dimension, ElementKind, SideKind};
 
 pub use seams::{Seam, SeamKind};
 
+use crate::element::side::{area_vector, side_shapes};
 use crate::element::{point_geometry, shapes_at_points};
+use nalgebra::Vector3;
+
+/// Sum of the area vectors of a side set over the sum of their lengths, below which it has no direction: that of a closed surface is rounding.
+const LEAST_DIRECTION: f64 = 1e-6;
 
 /// One side of one element: an edge of a plane element, a face of a solid one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -97,6 +102,22 @@ impl Mesh {
     pub fn side_nodes(&self, side: Side) -> Vec<usize> {
         let nodes = &self.elements[side.element];
         self.kinds[side.element].side(side.local).iter().map(|&local| nodes[local]).collect()
+    }
+
+    /// Unit outward normal of a side set, averaged over its area; `None` for one that does not exist or has no direction in common, as around
+    /// a hole.
+    pub fn mean_normal(&self, side_set: &str) -> Option<[f64; 3]> {
+        let (mut sum, mut area) = (Vector3::zeros(), 0.0);
+        for &side in self.side_sets.get(side_set)? {
+            let nodes = self.side_nodes(side);
+            for shape in side_shapes(self.kinds[side.element].side_kind()) {
+                let part = area_vector(shape, &nodes, &self.nodes) * shape.weight;
+                sum += part;
+                area += part.norm();
+            }
+        }
+        let length = sum.norm();
+        (length > LEAST_DIRECTION * area).then(|| (sum / length).into())
     }
 
     /// The kinds that occur, in the order of [`ElementKind::ALL`].

@@ -2,8 +2,6 @@
 
 mod at_stress;
 mod compaction;
-#[cfg(test)]
-mod compaction_tests;
 mod first_vectors;
 mod friction_search;
 pub mod generate;

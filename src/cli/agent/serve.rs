@@ -3,6 +3,7 @@
 use super::Arguments;
 use crate::engines::Catalogue;
 use crate::exit::{Exit, Failure};
+use crate::side_by_side::cores;
 use crate::stderr::tell;
 use crate::workers::{SignalWatch, allow_open_files_for};
 use grain_pool::processes::{Engine, LaunchPlan, WorkerProcesses, channel_limits, most_workers, run_name};
@@ -11,7 +12,6 @@ use hosts::{JoinError, Limits, Target};
 use macro_solver::pool::Interrupt;
 use protocol::transport::shared_memory::{RunDirectory, SharedMemoryMacroPort};
 use std::io::IsTerminal;
-use std::num::NonZeroUsize;
 use std::time::Duration;
 
 /// How long a standing agent looks for a run: for ever, in human terms.
@@ -31,8 +31,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     }
     let catalogue = Catalogue::read().and_then(|catalogue| catalogue.find(&arguments.engine));
     let engine = catalogue.map_err(|error| Failure::new(Exit::BadInput, format!("{error:#}")))?;
-    let cores = || std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    let workers = arguments.workers.map_or_else(cores, NonZeroUsize::get);
+    let workers = arguments.workers.unwrap_or_else(cores).get();
     if workers > most_workers() {
         let problem = format!("--workers {workers}: more than {}, the most on this host", most_workers());
         return Err(Failure::new(Exit::BadInput, problem));

@@ -1,7 +1,7 @@
 //! Why a run did not reach its end: message, exit code, remedy, and the failure case of a trial that ends workers.
 
 use super::folder::OutputFolder;
-use crate::cli::start_state::{self, PackingState};
+use crate::cli::start_state::{self, LoadComparison, PackingState};
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::FailureCase;
 use macro_solver::observer::{Outcome, Run};
@@ -106,12 +106,18 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
     if !run.has_no_start() {
         return None;
     }
-    let packing = PackingState::of(scene.definition()).ok()?;
-    let explained = packing.remarks().into_iter().next().or_else(|| start_state::mismatch(scene, &packing));
-    match explained {
-        Some(explained) => Some(format!("{explained}\nhint: {}", start_state::remedy(scene))),
-        None => packing.is_far_from_rest.then(|| packing.remarks_on_the_law().join("; ")),
+    // A run has made cells of them.
+    let packings = PackingState::of_all(scene).ok()?;
+    let differs = || match start_state::compare_loads(scene, &packings) {
+        LoadComparison::Differ(text) => Some(text),
+        LoadComparison::Match | LoadComparison::NotCompared(_) => None,
+    };
+    let remark = start_state::remarks(&packings, PackingState::remarks).into_iter().next();
+    if let Some(explained) = remark.or_else(differs) {
+        return Some(format!("{explained}\nhint: {}", start_state::remedy(scene)));
     }
+    let is_far_from_rest = packings.iter().any(|packing| packing.is_far_from_rest);
+    is_far_from_rest.then(|| start_state::remarks(&packings, PackingState::remarks_on_the_law).join("; "))
 }
 
 /// A further hint about a motion: energy that it was not given may come from a packing that is far from rest; empty otherwise.

@@ -157,9 +157,7 @@ pub(super) struct GrainWriter {
     folder: PathBuf,
     plan: RecordPlan,
     snapshots: Snapshots,
-    /// Points whose grains are written.
-    chosen: Vec<PointId>,
-    /// One for each chosen point.
+    /// One for each point whose grains are written.
     renderers: BTreeMap<PointId, Box<dyn Renderer>>,
     /// From which state fluctuations are counted.
     reference: Reference,
@@ -189,24 +187,20 @@ impl GrainWriter {
             let definition = &materials.definitions[materials.made_of[point]];
             renderers.insert(point, renderer(definition).map_err(stop)?);
         }
-        let chosen = renderers.keys().copied().collect();
         let reference = Reference { stage: from.filter(|stage| *stage > 0), ..Reference::default() };
-        Ok(Self { folder, plan: plan.clone(), snapshots, chosen, renderers, reference, series: BTreeMap::new() })
+        Ok(Self { folder, plan: plan.clone(), snapshots, renderers, reference, series: BTreeMap::new() })
     }
 
     fn write(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         let snapshots = self.snapshots.borrow();
-        for &point in &self.chosen {
-            let Some(cell) = snapshots.get(&point) else { continue };
+        for (&point, renderer) in &self.renderers {
+            let cell = snapshots.get(&point).expect("the recorder keeps every point that is drawn");
             let names = WHAT.map(|what| format!("{what}-{point:04}-step-{:04}.vtp", report.step));
-            if let (Some(renderer), Some(state)) = (self.renderers.get(&point), fields.points.get(point)) {
-                let start = self.reference.of(point, &state.deformation);
-                let (picture, fluctuation) = renderer.draw(start, cell)?;
-                let fluctuation = fluctuation.map(|all| Field::vector("displacement_fluctuation", &all));
-                write_grains(&self.folder.join(&names[0]), &picture, fluctuation.into_iter().collect())
-                    .map_err(stop)?;
-                write_contacts(&self.folder.join(&names[1]), &picture).map_err(stop)?;
-            }
+            let start = self.reference.of(point, &fields.points[point].deformation);
+            let (picture, fluctuation) = renderer.draw(start, cell)?;
+            let fluctuation = fluctuation.map(|all| Field::vector("displacement_fluctuation", &all));
+            write_grains(&self.folder.join(&names[0]), &picture, fluctuation.into_iter().collect()).map_err(stop)?;
+            write_contacts(&self.folder.join(&names[1]), &picture).map_err(stop)?;
             let folder = &self.folder;
             let series = self.series.entry(point).or_insert_with(|| series_of(folder, point));
             for (series, name) in series.iter_mut().zip(names) {
@@ -256,15 +250,19 @@ impl Reference {
     }
 
     /// Keeps the accepted state if the stage may begin with it.
-    fn keep(&mut self, report: &StepReport, fields: &FieldsView<'_>, chosen: &[PointId], snapshots: &Snapshots) {
+    fn keep<'a>(
+        &mut self,
+        report: &StepReport,
+        fields: &FieldsView<'_>,
+        drawn: impl Iterator<Item = &'a PointId>,
+        snapshots: &Snapshots,
+    ) {
         self.latest.clear();
         if self.stage == Some(report.stage + 1) {
             let snapshots = snapshots.borrow();
-            for &point in chosen {
-                if let (Some(cell), Some(state)) = (snapshots.get(&point), fields.points.get(point)) {
-                    self.latest.insert(point, (cell.snapshot.to_vec(), state.deformation));
-                }
-            }
+            let at =
+                |&point: &PointId| (point, (snapshots[&point].snapshot.to_vec(), fields.points[point].deformation));
+            self.latest = drawn.map(at).collect();
         }
     }
 }
@@ -308,7 +306,7 @@ impl Observer for GrainWriter {
     fn accepted(&mut self, report: &StepReport, fields: &FieldsView<'_>) -> Result<(), StopRequest> {
         self.reference.enter(report);
         let written = if self.plan.wants_fields(report) { self.write(report, fields) } else { Ok(()) };
-        self.reference.keep(report, fields, &self.chosen, &self.snapshots);
+        self.reference.keep(report, fields, self.renderers.keys(), &self.snapshots);
         written
     }
 }

@@ -8,6 +8,7 @@ use super::hosts;
 use super::resume::{Continued, RunDescription, added_up};
 use crate::engines::{EngineAssignment, PoolDefinitions};
 use crate::exit::{Exit, Failure};
+use crate::side_by_side::cores;
 use crate::stderr::tell;
 use crate::workers::{RunProgress, SignalWatch, StatusFile, allow_open_files_for};
 use grain_pool::processes::{LaunchPlan, WorkerGroups, WorkerProcesses, channel_limits, most_workers, run_name};
@@ -18,7 +19,6 @@ use page::Controls;
 use protocol::transport::MacroPort;
 use protocol::transport::shared_memory::{ChannelLimits, RunDirectory, SharedMemoryMacroPort, Waiting};
 use scene_reader::Scene;
-use std::num::NonZeroUsize;
 use std::time::{Duration, Instant};
 
 /// How long an attached run waits for workers, at the start and when all are gone: they are started by hand or by a supervisor.
@@ -115,41 +115,9 @@ pub(super) fn run(
     let mut status_file = StatusFile::create(port.record(), RunProgress::new(scene.document.path(), folder.path()));
     let (port, hosts) = hosts::open(port, listening, arguments, folder.path())?;
 
-    let workers = requested;
-    let mut settings = PoolSettings::new(name.clone());
-    let differences = assignment.differences();
-    // The assigned engines have been checked; workers that join by hand must have the same tangents.
-    settings.tangents = if differences.contains(&true) { Vec::new() } else { scene.problem.requested_tangents() };
-    settings.engines = served.engines;
-    settings.versions = assignment.own_versions();
-    settings.lacking = served.lacking;
-    let supply: Box<dyn WorkerSupply> = if arguments.attach.is_some() {
-        settings.worker_timeout = ATTACHED_TIMEOUT;
-        if !arguments.quiet {
-            for assigned in &assignment.engines {
-                let engine = &assigned.engine;
-                let choice = if engine.is_built_in() { String::new() } else { format!(" --engine {}", engine.name) };
-                tell(format_args!("waiting for {workers} x `grainspan rve-server --run {name}{choice}`"));
-            }
-        }
-        Box::new(JoiningWorkers)
-    } else {
-        let mut groups = WorkerGroups(Vec::new());
-        for assigned in assignment.engines.iter().filter(|_| workers > 0) {
-            let plan = LaunchPlan::for_run(&name, &assigned.engine, workers);
-            let plan = LaunchPlan { restarts: scene.pool.restarts.unwrap_or(plan.restarts), ..plan };
-            let started = WorkerProcesses::start(plan, &interrupt);
-            groups.0.push(started.map_err(|error| failed(&format!("start {workers} workers"), &error))?);
-        }
-        if hosts.is_listening() {
-            settings.worker_timeout = ATTACHED_TIMEOUT;
-            Box::new(Welcoming(groups))
-        } else {
-            Box::new(groups)
-        }
-    };
-    settings.message_bytes = usize::try_from(limits.message_bytes).unwrap_or(usize::MAX);
-    let settings = scene.pool.apply(&scene.document, &settings)?;
+    let joins_later = arguments.attach.is_some() || hosts.is_listening();
+    let settings = pool_settings(scene, assignment, &name, &limits, &served, joins_later)?;
+    let supply = supply(scene, assignment, arguments, &name, hosts.is_listening(), &interrupt)?;
     let mut pool = Pool::new(port, supply, interrupt.clone(), settings, served.definitions, &served.made_of);
     let (watcher, controls, raised) = (status_file.clone(), Controls::of(folder.path()), interrupt.clone());
     pool.report_to(move |workers| {
@@ -158,7 +126,7 @@ pub(super) fn run(
             stop_without_workers(&controls, &raised);
         }
     });
-    pool.gather((workers * assignment.engines.len()).max(1)).map_err(|error| match error {
+    pool.gather((requested * assignment.engines.len()).max(1)).map_err(|error| match error {
         MaterialError::Interrupted => Failure::new(Exit::Interrupted, "interrupted before the first step"),
         MaterialError::DefinitionRefused(reason) => Failure::new(Exit::BadInput, reason),
         error => Failure::new(Exit::WorkersLost, error),
@@ -178,6 +146,57 @@ pub(super) fn run(
         hosts: &|| added_up(before.clone(), hosts.figures()),
     };
     execute(scene, pool, folder, context)
+}
+
+/// Settings of the pool, those of the scene included. `joins_later`: workers may be started by hand, or on other hosts.
+fn pool_settings(
+    scene: &Scene,
+    assignment: &EngineAssignment,
+    run: &str,
+    limits: &ChannelLimits,
+    served: &PoolDefinitions,
+    joins_later: bool,
+) -> Result<PoolSettings, Failure> {
+    let mut settings = PoolSettings::new(run.to_owned());
+    // The assigned engines have been checked; workers that join by hand must have the same tangents.
+    let differ = assignment.differences().contains(&true);
+    settings.tangents = if differ { Vec::new() } else { scene.problem.requested_tangents() };
+    settings.engines = served.engines.clone();
+    settings.versions = assignment.own_versions();
+    settings.lacking = served.lacking.clone();
+    settings.message_bytes = limits.message_length();
+    if joins_later {
+        settings.worker_timeout = ATTACHED_TIMEOUT;
+    }
+    Ok(scene.pool.apply(&scene.document, &settings)?)
+}
+
+/// Where the workers of a run come from; those that are its own have been started then.
+fn supply(
+    scene: &Scene,
+    assignment: &EngineAssignment,
+    arguments: &Arguments,
+    run: &str,
+    is_listening: bool,
+    interrupt: &Interrupt,
+) -> Result<Box<dyn WorkerSupply>, Failure> {
+    let workers = workers(arguments);
+    if arguments.attach.is_some() {
+        for assigned in assignment.engines.iter().filter(|_| !arguments.quiet) {
+            let engine = &assigned.engine;
+            let choice = if engine.is_built_in() { String::new() } else { format!(" --engine {}", engine.name) };
+            tell(format_args!("waiting for {workers} x `grainspan rve-server --run {run}{choice}`"));
+        }
+        return Ok(Box::new(JoiningWorkers));
+    }
+    let mut groups = WorkerGroups(Vec::new());
+    for assigned in assignment.engines.iter().filter(|_| workers > 0) {
+        let plan = LaunchPlan::for_run(run, &assigned.engine, workers);
+        let plan = LaunchPlan { restarts: scene.pool.restarts.unwrap_or(plan.restarts), ..plan };
+        let started = WorkerProcesses::start(plan, interrupt);
+        groups.0.push(started.map_err(|error| failed(&format!("start {workers} workers"), &error))?);
+    }
+    Ok(if is_listening { Box::new(Welcoming(groups)) } else { Box::new(groups) })
 }
 
 /// Gauss points that are solved once more to estimate the error of the stresses.
@@ -201,7 +220,7 @@ fn replicas_of(scene: &Scene, assignment: &EngineAssignment) -> Result<SamplePla
 fn workers(arguments: &Arguments) -> usize {
     let default = || match arguments.attach {
         Some(_) => 1,
-        None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
+        None => cores().get(),
     };
     arguments.workers.unwrap_or_else(default)
 }
@@ -253,7 +272,6 @@ pub(super) fn refuse_too_many(
     arguments: &Arguments,
 ) -> Result<(), Failure> {
     let (workers, engines) = (workers(arguments), assignment.engines.len());
-    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     let limit = scene.pool.most_workers.unwrap_or_else(most_workers);
     let wanted = workers.saturating_mul(engines);
     if wanted <= limit {
@@ -263,8 +281,9 @@ pub(super) fn refuse_too_many(
     Err(Failure::new(
         Exit::BadInput,
         format!(
-            "--workers {workers}: {workers} workers{each} are more than {limit}, the most on this machine of {cores} cores\nhint: \
-             one worker per core is fastest; to use more, add --set pool.most_workers={wanted}"
+            "--workers {workers}: {workers} workers{each} are more than {limit}, the most on this machine of {} cores\nhint: \
+             one worker per core is fastest; to use more, add --set pool.most_workers={wanted}",
+            cores()
         ),
     ))
 }

@@ -2,11 +2,11 @@
 
 use super::super::waiting_progress::WaitingProgress;
 use crate::exit::{Exit, Failure};
+use crate::side_by_side::cores;
 use crate::stderr::tell;
 use macro_solver::pool::Interrupt;
 use rayon::ThreadPoolBuilder;
 use scene_reader::Scene;
-use std::num::NonZeroUsize;
 use std::time::Instant;
 
 /// Prepares the cells if `[initial_stress] prepare` asks for it, on as many cores as the run has workers at most. If `interrupt` is raised
@@ -23,7 +23,7 @@ pub(super) fn prepare_cells(
     let Some(planned) = scene.preparation() else { return Ok(()) };
     let begun = Instant::now();
     let progress_line = WaitingProgress::start(quiet);
-    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    let cores = cores().get();
     let threads =
         ThreadPoolBuilder::new().num_threads(workers.map_or(cores, |workers| workers.clamp(1, cores))).build();
     let threads = threads.map_err(|error| {

@@ -1,8 +1,7 @@
 //! [Argilaga2018] Fig. 9: time on one worker over the time on several, 512 elements. Part of P-5.
 
 use crate::cli::reproduce::prelude::*;
-use std::num::NonZeroUsize;
-use std::thread::available_parallelism;
+use crate::side_by_side::cores;
 
 pub(super) const FIGURE: Figure = Figure {
     name: "argilaga2018-speedup",
@@ -29,7 +28,7 @@ fn name(workers: usize, repeat: usize) -> String {
 
 /// Numbers of workers that have a core each.
 fn counts() -> impl Iterator<Item = usize> {
-    let cores = available_parallelism().map_or(1, NonZeroUsize::get);
+    let cores = cores().get();
     WORKERS.into_iter().filter(move |count| *count <= cores)
 }
 

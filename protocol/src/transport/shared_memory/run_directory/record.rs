@@ -25,6 +25,13 @@ impl Default for ChannelLimits {
     }
 }
 
+impl ChannelLimits {
+    /// Largest message that this process can hold, bytes.
+    pub fn message_length(&self) -> usize {
+        usize::try_from(self.message_bytes).unwrap_or(usize::MAX)
+    }
+}
+
 /// What a worker must know to join a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunRecord {

@@ -1,8 +1,8 @@
 //! Cells that are hard to bring to a stress.
 
-use super::generate;
-use super::recipe::PackingRecipe;
-use super::report::PackingReport;
+use super::super::generate;
+use super::super::recipe::PackingRecipe;
+use super::super::report::PackingReport;
 use crate::contact::Rotations;
 use crate::space::{Discs, Spheres};
 
