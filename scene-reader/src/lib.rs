@@ -44,8 +44,8 @@ pub use packing::read_packing;
 pub use preparation::CellPreparation;
 pub use reference::{completions, explained, mentioned, nearest_key, overview};
 pub use study::{
-    ChosenRows, Ensemble, EnsembleStatistic, Expectation, Expected, PathStrain, RowMeasure, Study, StudyQuantity,
-    StudyRecipe, StudyTest, read_study,
+    ChosenRows, Ensemble, EnsembleStatistic, Expectation, Expected, PathStrain, RowMeasure, SAMPLE_COLUMNS, Study,
+    StudyQuantity, StudyRecipe, StudyTest, read_study,
 };
 pub use supervision::{JOBS_A_MESSAGE, PoolPlan};
 

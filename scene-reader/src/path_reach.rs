@@ -6,10 +6,11 @@ use rve_server::programs::rve_test::ElementTest;
 /// A deformation gradient; components that follow from controlled stresses are not known beforehand.
 type Known = [[Option<f64>; 3]; 3];
 
-/// Largest strain of the path, as the study calls it; `None` where controlled stresses decide.
-pub(super) fn largest_strain(test: &ElementTest, strain: PathStrain) -> Option<f64> {
+/// Smallest and largest strain of the path, as the study calls it; `None` where controlled stresses decide.
+pub(super) fn strain_range(test: &ElementTest, strain: PathStrain) -> Option<[f64; 2]> {
     let mut deformation: Known = std::array::from_fn(|i| std::array::from_fn(|j| Some(f64::from(u8::from(i == j)))));
-    let mut largest = strain_of(&deformation, strain)?;
+    let start = strain_of(&deformation, strain)?;
+    let [mut lowest, mut highest] = [start; 2];
     for segment in &test.path {
         let (strains, stresses) = (segment.strain.values(), segment.stress.values());
         let step: Known = std::array::from_fn(|i| {
@@ -22,10 +23,11 @@ pub(super) fn largest_strain(test: &ElementTest, strain: PathStrain) -> Option<f
         // Within a segment the deformation is linear: its ends are the extremes.
         for _ in 0..segment.repeat {
             deformation = product(&step, &deformation);
-            largest = largest.max(strain_of(&deformation, strain)?);
+            let here = strain_of(&deformation, strain)?;
+            (lowest, highest) = (lowest.min(here), highest.max(here));
         }
     }
-    Some(largest)
+    Some([lowest, highest])
 }
 
 fn strain_of(deformation: &Known, strain: PathStrain) -> Option<f64> {
@@ -53,9 +55,13 @@ fn product(first: &Known, second: &Known) -> Known {
 mod tests {
     use super::*;
 
-    fn of(path: &str, strain: PathStrain) -> Option<f64> {
+    fn range(path: &str, strain: PathStrain) -> Option<[f64; 2]> {
         let head = "packing = \"p.json\"\n[contact]\nnormal_stiffness = 1e3\nstiffness_ratio = 0.5\nfriction = 0.5\n";
-        largest_strain(&ElementTest::from_toml(&format!("{head}{path}")).unwrap(), strain)
+        strain_range(&ElementTest::from_toml(&format!("{head}{path}")).unwrap(), strain)
+    }
+
+    fn of(path: &str, strain: PathStrain) -> Option<f64> {
+        range(path, strain).map(|[_, highest]| highest)
     }
 
     #[test]
@@ -64,6 +70,9 @@ mod tests {
                       [[path]]\nincrements = 2\nstrain = { yy = 0.05 }\nstress = { xx = -1e5 }\n";
         assert!((of(turned, PathStrain::CompressionY).unwrap() - 0.1).abs() < 1e-12);
         assert_eq!(of(turned, PathStrain::CompressionX), None);
+        let extended = turned.replacen("-0.1", "0.02", 1);
+        let [lowest, highest] = range(&extended, PathStrain::CompressionY).unwrap();
+        assert!((lowest - (1.0 - 1.02 * 1.05)).abs() < 1e-12 && highest == 0.0, "{lowest} {highest}");
         let repeated = "[[path]]\nincrements = 1\nrepeat = 10\nstrain = { xx = -0.01 }\n";
         assert!((of(repeated, PathStrain::CompressionX).unwrap() - (1.0 - 0.99f64.powi(10))).abs() < 1e-12);
         let sheared = "[[path]]\nincrements = 4\nstrain = { xy = 0.2 }\n";

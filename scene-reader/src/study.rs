@@ -1,8 +1,9 @@
 //! Reads an ensemble study with its recipes and element tests.
 
+use crate::cell::checked_test;
 use crate::document::{Document, Kind};
 use crate::input_error::InputError;
-use crate::path_reach::largest_strain;
+use crate::path_reach::strain_range;
 pub use crate::tables::{EnsembleStatistic, PathStrain, RowMeasure};
 use crate::tables::{ExpectedEntry, QuantityEntry, StudyFile, Take};
 use keys::Located;
@@ -275,7 +276,7 @@ fn test_of(document: &Document, file: &Located<PathBuf>, set: &[String]) -> Resu
     let read = |path: &Path| {
         let test = Document::read(path, set)?;
         test.expect(Kind::ElementTest)?;
-        test.deserialize::<ElementTest>()?.validated().map_err(|error| test.table_error(error))
+        checked_test(&test)
     };
     read(&existing(document, file)?).map_err(|error| error.named_at(&document.error_at(file.span(), "")))
 }
@@ -285,6 +286,9 @@ fn quantity_of(document: &Document, entry: &QuantityEntry, tests: &[StudyTest]) 
     let refuse = |span: Range<usize>, problem: &str, hint: &str| {
         Err(document.error_at(span, format!("quantity '{name}': {problem}")).hint(hint))
     };
+    if SAMPLE_COLUMNS.contains(&name.as_str()) {
+        return refuse(entry.name.span(), "this is a column of NAME-samples.csv already", "choose another name");
+    }
     if entry.measure.needs_compression()
         && let Some(shear) = tests.iter().find(|test| test.strain == PathStrain::ShearXy)
     {
@@ -300,17 +304,19 @@ fn quantity_of(document: &Document, entry: &QuantityEntry, tests: &[StudyTest]) 
     for (key, given) in [("from", &entry.from), ("to", &entry.to), ("at", &entry.at)] {
         let Some(wanted) = given else { continue };
         for test in tests {
-            let reach = largest_strain(&test.test, test.strain);
-            if let Some(reach) = reach.filter(|reach| *wanted.get_ref() > reach + SAME_STRAIN) {
+            let Some([lowest, highest]) = strain_range(&test.test, test.strain) else { continue };
+            // A window may begin before the path does.
+            let is_below = key != "from" && *wanted.get_ref() < lowest - SAME_STRAIN;
+            if is_below || *wanted.get_ref() > highest + SAME_STRAIN {
                 let problem = format!(
-                    "`{key}` = {} lies beyond the path of test '{}', whose largest strain is {reach:.4}",
+                    "`{key}` = {} lies beyond the path of test '{}', whose strains are {lowest:.4} to {highest:.4}",
                     wanted.get_ref(),
                     test.name
                 );
                 return refuse(
                     wanted.span(),
                     &problem,
-                    "extension counts negative; choose a smaller strain, or a longer path",
+                    "extension counts negative; choose a strain of the path, or a longer path",
                 );
             }
         }
@@ -335,6 +341,9 @@ fn quantity_of(document: &Document, entry: &QuantityEntry, tests: &[StudyTest]) 
     };
     Ok(StudyQuantity { name: name.clone(), measure: entry.measure, rows })
 }
+
+/// Columns of the table of samples, between which those of the quantities stand.
+pub const SAMPLE_COLUMNS: [&str; 5] = ["recipe", "grains", "seed", "test", "problem"];
 
 /// The names that comparisons may use.
 struct Names {
@@ -394,6 +403,12 @@ impl Names {
             }
             _ => return refuse("give one of `value`, `between` and `like`", "remove the others"),
         };
+        if entry.tolerance.is_some() && expected == Expected::Nothing {
+            return refuse("`tolerance` without a number that is expected", "give `value`, `between` or `like`");
+        }
+        if entry.tolerance.is_none() && entry.relative {
+            return refuse("`relative` without `tolerance`", "give the tolerance as a share of the expected number");
+        }
         Ok(Expectation {
             entry: entry.entry.clone(),
             ours,

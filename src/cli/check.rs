@@ -121,6 +121,13 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packings: &[PackingSta
         LoadComparison::Differ(_) | LoadComparison::Match => {}
     }
     notes.extend(scene.remarks.iter().cloned());
+    let elsewhere = scene.grains.iter().filter(|&&point| !assignment.is_built_in(point)).count();
+    if elsewhere > 0 {
+        notes.push(format!(
+            "output.grains: {elsewhere} of {} points are solved by another engine than `grains` and are not drawn",
+            scene.grains.len()
+        ));
+    }
     for note in notes {
         writeln!(text, "{:<20} {note}", "note").expect("writing to a String cannot fail");
     }

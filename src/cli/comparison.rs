@@ -78,11 +78,11 @@ impl Comparison {
     /// Whether the difference is within the tolerance; `None` where there is none.
     fn met(&self) -> Option<bool> {
         let largest = match (self.tolerance, self.theirs) {
+            (Tolerance::Nothing, _) | (_, Theirs::Nothing) => return None,
             (Tolerance::Absolute(largest), _) => largest,
             (Tolerance::Relative(share), Theirs::Value(value)) => share * value.abs(),
             // Of the end of the range that is passed.
             (Tolerance::Relative(share), Theirs::Between(low, high)) => share * nearest(self.ours, low, high).abs(),
-            (Tolerance::Nothing, _) | (_, Theirs::Nothing) => return None,
         };
         Some(self.ours.is_finite() && self.difference().abs() <= largest)
     }

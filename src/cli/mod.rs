@@ -9,6 +9,7 @@ mod commit;
 mod comparison;
 mod completions;
 mod ctl;
+mod earlier_files;
 mod estimate;
 mod explain;
 mod failure_case;

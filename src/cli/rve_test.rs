@@ -1,6 +1,7 @@
 //! `grainspan element TEST.toml`, alias `rve-test`: one cell along a strain/stress path, in this process, without finite elements.
 
 use super::cell_files::write_all;
+use super::earlier_files::remove_numbered;
 use super::failure_case;
 use super::sweep::{self, Common, Sweep};
 use super::waiting_progress::WaitingProgress;
@@ -55,7 +56,8 @@ pub(crate) struct Arguments {
     /// keyword lists all)
     #[arg(long, value_name = "KIND", default_value = "none")]
     tangent: TangentKind,
-    /// Folder for grains, contacts, force chains and rose diagrams of chosen increments
+    /// Folder for grains, contacts, force chains and rose diagrams of chosen increments; those of an
+    /// earlier test are replaced
     #[arg(long, value_name = "DIR")]
     contacts: Option<PathBuf>,
     /// Increments of --contacts, 0 is the packing as given [default: 0 and the last one]
@@ -187,6 +189,8 @@ struct Rows {
     buffer: Rc<RefCell<Vec<u8>>>,
     csv: ElementCsv<SharedBuffer>,
     streams: bool,
+    /// Whether grains and contacts have been written.
+    has_drawn: bool,
     failure: Option<Failure>,
 }
 
@@ -195,7 +199,7 @@ impl Rows {
         let csv = ElementCsv::new(SharedBuffer(Rc::clone(buffer)), arguments.tangent)
             .map_err(|error| Failure::new(Exit::BadInput, error))?
             .with_units(arguments.units);
-        Ok(Self { buffer: Rc::clone(buffer), csv, streams: arguments.out.is_none(), failure: None })
+        Ok(Self { buffer: Rc::clone(buffer), csv, streams: arguments.out.is_none(), has_drawn: false, failure: None })
     }
 
     fn add(&mut self, row: &ElementRow) {
@@ -208,10 +212,12 @@ impl Rows {
 
     /// Writes the grains and contacts of a row that has them.
     fn draw(&mut self, row: &ElementRow, folder: Option<&Path>) {
-        if let (Some(picture), Some(folder)) = (&row.picture, folder)
-            && let Err(error) =
-                write_all(folder, &format!("increment-{:04}", row.increment), picture, row.fluctuations.as_deref())
-        {
+        let (Some(picture), Some(folder)) = (&row.picture, folder) else { return };
+        let earlier =
+            if std::mem::replace(&mut self.has_drawn, true) { Ok(()) } else { remove_numbered(folder, "increment") };
+        let stem = format!("increment-{:04}", row.increment);
+        let written = earlier.and_then(|()| write_all(folder, &stem, picture, row.fluctuations.as_deref()));
+        if let Err(error) = written {
             self.failure.get_or_insert(error.into());
         }
     }

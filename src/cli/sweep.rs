@@ -48,10 +48,15 @@ impl FromStr for Sweep {
             // A text may be written as in the file; the table has what it says.
             _ => values.split(',').map(|value| value.trim().trim_matches(['"', '\'']).to_owned()).collect(),
         };
-        match values.iter().any(String::is_empty) {
-            true => Err("a value is missing between two commas".to_owned()),
-            false => Ok(Self { key: key.trim().to_owned(), values }),
+        if values.iter().any(String::is_empty) {
+            return Err("a value is missing between two commas".to_owned());
         }
+        if let Some(twice) =
+            values.iter().enumerate().find_map(|(place, value)| values[..place].contains(value).then_some(value))
+        {
+            return Err(format!("the value {twice} is given twice"));
+        }
+        Ok(Self { key: key.trim().to_owned(), values })
     }
 }
 
@@ -63,6 +68,7 @@ fn spaced(first: &str, last: &str, count: &str) -> Result<Vec<String>, String> {
     let count: usize = count.trim().parse().map_err(|_| format!("'{count}' is not a number of values"))?;
     match count {
         0 => Err("a sweep needs at least one value".to_owned()),
+        1 if first != last => Err("one value cannot reach from one number to another".to_owned()),
         1 => Ok(vec![first.to_string()]),
         2..=MOST_TESTS => {
             // Rounded, so that 0.1 to 0.7 in steps of 0.1 reads like that.
@@ -356,7 +362,19 @@ mod tests {
         assert_eq!(values("a=1e8:5e8:2").unwrap(), ["100000000", "500000000"]);
         assert_eq!(values("rve.accuracy=draft, tight").unwrap(), ["draft", "tight"]);
         assert_eq!(values("a=3").unwrap(), ["3"]);
-        for bad in ["a", "=1", "a=", "a=1:2:0", "a=1:x:3", "a=1:2:-1", "a=1:2", "a=1,,2", "a=1:2:1000000"] {
+        for bad in [
+            "a",
+            "=1",
+            "a=",
+            "a=1:2:0",
+            "a=1:x:3",
+            "a=1:2:-1",
+            "a=1:2",
+            "a=1,,2",
+            "a=1:2:1000000",
+            "a=1:2:1",
+            "a=x,y,x",
+        ] {
             assert!(values(bad).is_err(), "{bad}");
         }
     }

@@ -60,6 +60,10 @@ impl EnergyLedger {
         ]);
         if self.fluid != 0.0 || self.initial_fluid != 0.0 {
             entries.insert("pore_fluid".to_owned(), self.fluid);
+            entries.insert("pore_fluid_initial".to_owned(), self.initial_fluid);
+        }
+        if self.initial_hourglass != 0.0 {
+            entries.insert("hourglass_initial".to_owned(), self.initial_hourglass);
         }
         if !grains_observed {
             return entries;

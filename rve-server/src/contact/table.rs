@@ -91,13 +91,14 @@ pub struct ContactTable {
     #[serde(default)]
     #[schemars(extend("x-unit" = "m"), range(min = 0.0))]
     pub cohesion: f64,
-    /// Contact viscosity over stiffness, in pseudo-time steps: a motion of one step is answered by this many times the
+    /// Of cells: contact viscosity over stiffness, in pseudo-time steps; of specimens, whose grains move in time: damping ratio of every
+    /// contact, a share of the critical viscosity. In cells a motion of one step is answered by this many times the
     /// elastic force it causes; along a contact that slides, by none. It acts while grains move and on them alone:
     /// none at equilibrium. Where the path matters, the stress differs from that without damping, by about 0.2 % of the pressure
     /// with a friction of 0.3 or 0.5, by 1 % with 0.05. With a damping below 2 cells come to rest in about as many steps as
     /// without, above in twice as many. It is no dashpot constant in N s/m: with hundreds of steps a cell hardly moves.
     #[serde(default)]
-    #[schemars(extend("x-unit" = "steps"), range(min = 0.0, max = 1000.0))]
+    #[schemars(extend("x-unit" = "steps, of specimens -"), range(min = 0.0, max = 1000.0))]
     pub damping: f64,
     /// Effect of unloading on the tangential force of Hertz-Mindlin contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -220,7 +220,7 @@ pub(crate) struct ExpectedEntry {
     /// Another ensemble of the same size, whose value of `statistic` is expected.
     pub(crate) like: Option<Located<LikeTable>>,
     /// Largest difference that counts as agreement.
-    #[schemars(range(min = 0), extend("x-unit" = "of the quantity", "x-default" = "of a power half its interval of 95 % confidence, else none"))]
+    #[schemars(range(min = 0), extend("x-unit" = "of the quantity", "x-default" = "of a power half its interval of 95 % confidence, with `between` 0, else none"))]
     pub(crate) tolerance: Option<f64>,
     /// Whether `tolerance` is a share of the expected number.
     #[serde(default)]

@@ -207,7 +207,7 @@ fn solve<P: MacroPort>(
 fn drawn_points(scene: &Scene, assignment: &EngineAssignment) -> Vec<usize> {
     let points: Vec<usize> = scene.grains.iter().copied().filter(|&point| assignment.is_built_in(point)).collect();
     if points.len() < scene.grains.len() {
-        tracing::warn!("grains are drawn only at points that the built-in engine solves");
+        tracing::warn!("grains are drawn only at points that the engine `grains` solves");
     }
     points
 }

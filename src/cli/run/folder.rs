@@ -29,9 +29,11 @@ const FILES: [&str; 17] = [
     // Written by `--listen`, and removed when such a run ends.
     "join",
     "join.part",
-    // Written by `grainspan report`; of no use next to another run.
-    "report.html",
+    REPORT,
 ];
+
+/// Written by `grainspan report`; of no use next to another run.
+const REPORT: &str = "report.html";
 
 /// The log, which every run begins with.
 const LOG: &str = "run.jsonl";
@@ -93,6 +95,9 @@ impl OutputFolder {
             remove_drafts(&path.join(name))?;
         }
         Controls::of(path).clear();
+        // It tells of the rows so far.
+        let report = path.join(REPORT);
+        absent(fs::remove_file(&report)).map_err(|source| OutputError::write(&report, source))?;
         Ok(folder)
     }
 

@@ -1,6 +1,7 @@
 //! Pictures of the grains of a specimen.
 
 use crate::cli::cell_files::{arrows, force_chains, rotations, write_contacts};
+use crate::cli::earlier_files::{remove, remove_numbered};
 use crate::exit::Failure;
 use macro_solver::output::{Field, FieldSeries, OutputError, write_atomically, write_particles};
 use rve_server::homogenization::picture::{CellPicture, ContactLine};
@@ -51,6 +52,13 @@ impl Pictures {
     /// # Errors
     /// A file cannot be written.
     pub(super) fn draw(&mut self, row: &SpecimenRow, shown: &dyn Shown) -> Result<(), OutputError> {
+        if self.drawn == 0 {
+            remove_numbered(&self.folder, "grains")?;
+            remove_numbered(&self.folder, "contacts")?;
+            if self.contacts.is_none() {
+                remove(&self.folder.join("contacts.pvd"))?;
+            }
+        }
         let picture = shown.grains();
         let contacts = if self.contacts.is_some() { shown.contacts() } else { Vec::new() };
         let body = as_body(self.dimension, &picture, contacts);

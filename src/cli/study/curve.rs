@@ -194,8 +194,7 @@ pub(super) fn value(path: &Path, measure: usize, rows: ChosenRows) -> Result<f64
             at_strain(&path.strain, values, at)
         }
     };
-    let none = "there is no row with a number in the range of strain (dilatancy needs three rows within `smoothing`)";
-    if found.is_finite() { Ok(found) } else { Err(none.to_owned()) }
+    if found.is_finite() { Ok(found) } else { Err("no row in the range of strain has a number".to_owned()) }
 }
 
 /// The value where the path first passes a strain; NaN if it never does.

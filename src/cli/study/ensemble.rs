@@ -151,7 +151,9 @@ impl Results<'_> {
         let paths = sample.paths.as_ref().map_err(Clone::clone)?;
         let quantity = &self.study.quantities[quantity];
         let measure = self.measures.iter().position(|measure| *measure == quantity.measure);
-        value(&paths[test], measure.ok_or("it is not measured")?, quantity.rows)
+        let of_slopes =
+            if quantity.measure.needs_compression() { "; dilatancy needs three rows within `smoothing`" } else { "" };
+        value(&paths[test], measure.ok_or("it is not measured")?, quantity.rows).map_err(|reason| reason + of_slopes)
     }
 
     /// Samples of a recipe and size.

@@ -4,7 +4,8 @@ use super::ensemble::Results;
 use super::mean_curves::mean_curve;
 use super::statistics::Statistics;
 use charts::{Chart, Scale};
-use scene_reader::{Ensemble, PathStrain};
+use scene_reader::{Ensemble, PathStrain, StudyQuantity};
+use std::collections::BTreeSet;
 
 /// All pictures, each with the part of its file name behind that of the study.
 pub(super) fn charts(results: &Results<'_>) -> Vec<(String, Chart)> {
@@ -32,8 +33,12 @@ fn name(results: &Results<'_>, ensemble: Ensemble, more: Option<&str>, has_size:
 /// The mean of a measure over the samples whose paths reached their ends, over the strain, with a band of the standard deviation.
 fn means(results: &Results<'_>, measure: usize) -> Chart {
     let study = results.study;
-    let shear = study.tests.iter().all(|test| test.strain == PathStrain::ShearXy);
-    let x = if shear { "shear angle" } else { "compression" };
+    let sheared = study.tests.iter().filter(|test| test.strain == PathStrain::ShearXy).count();
+    let x = match sheared {
+        0 => "compression",
+        _ if sheared == study.tests.len() => "shear angle",
+        _ => "compression or shear angle",
+    };
     let unit = match results.measures[measure].unit() {
         "-" => String::new(),
         unit => format!(", {unit}"),
@@ -67,10 +72,16 @@ fn means(results: &Results<'_>, measure: usize) -> Chart {
 
 /// Standard deviations over the number of grains, with the fitted powers and the slope of -1/2.
 fn scatter(results: &Results<'_>) -> Chart {
+    let units: BTreeSet<&str> = results.study.quantities.iter().map(StudyQuantity::unit).collect();
+    let y = match units.into_iter().collect::<Vec<_>>()[..] {
+        ["-"] => "standard deviation".to_owned(),
+        [unit] => format!("standard deviation, {unit}"),
+        _ => "standard deviation, in the unit of each quantity".to_owned(),
+    };
     let mut chart = Chart::new(
         &format!("{}: scatter over the number of grains", results.study.name),
         ("grains", Scale::Logarithmic),
-        ("standard deviation", Scale::Logarithmic),
+        (&y, Scale::Logarithmic),
     );
     let sizes = results.study.sizes().len();
     let mut has_slope = false;

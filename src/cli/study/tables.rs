@@ -4,7 +4,7 @@ use super::ensemble::Results;
 use super::mean_curves::{MeanRow, curves_of, mean_curve};
 use crate::exit::{Exit, Failure};
 use charts::short;
-use scene_reader::Ensemble;
+use scene_reader::{Ensemble, SAMPLE_COLUMNS};
 
 fn csv_of(rows: impl IntoIterator<Item = Vec<String>>) -> Result<Vec<u8>, Failure> {
     let unwritable = |error: String| Failure::new(Exit::BadInput, format!("a table cannot be written: {error}"));
@@ -30,9 +30,10 @@ fn exact(value: f64) -> String {
 /// The table cannot be encoded.
 pub(super) fn samples_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> {
     let study = results.study;
-    let mut header = words(["recipe", "grains", "seed", "test"]);
+    let [recipe, grains, seed, test, problem] = SAMPLE_COLUMNS;
+    let mut header = words([recipe, grains, seed, test]);
     header.extend(study.quantities.iter().map(|quantity| quantity.name.clone()));
-    header.push("problem".to_owned());
+    header.push(problem.to_owned());
     let mut rows = vec![header];
     for sample in &results.samples {
         for (test, entry) in study.tests.iter().enumerate() {

@@ -139,12 +139,6 @@ impl ElementTest {
             None => self.contact.refuse_inner_blocked(),
         }
         .map_err(|error| ElementError::Test(error.to_string()))?;
-        if self.frame.is_some() && self.rve != RveOptions::default() {
-            return refuse(
-                "[rve] has no effect where there is a [frame]; write strain_per_step, tolerance and damping into that table"
-                    .into(),
-            );
-        }
         if self.rve.frame.is_some() {
             return refuse("rve.frame is a key of scenes; an RVE test has the table [frame]".into());
         }

@@ -127,17 +127,6 @@ fn stress_out_of_reach_fails_with_the_rows_before_it() {
     assert_eq!(rows, 3);
 }
 
-/// The table was read and did nothing.
-#[test]
-fn options_of_cells_are_refused_beside_a_frame() {
-    let text = "packing = \"p.json\"\n[contact]\nlaw = \"linear\"\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5\n\
-                [rve]\naccuracy = \"tight\"\n[frame]\nconstraint = \"periodic\"\n\
-                [[path]]\nincrements = 1\nstrain = { yy = -1e-4 }\n";
-    let error = ElementTest::from_toml(text).unwrap_err();
-    assert!(error.to_string().contains("[rve] has no effect where there is a [frame]"), "{error}");
-    assert!(ElementTest::from_toml(&text.replace("accuracy = \"tight\"\n", "")).is_ok());
-}
-
 #[test]
 fn refused_target_names_its_increment() {
     let path = "[[path]]\nincrements = 1\nstrain = { xx = -0.5 }";

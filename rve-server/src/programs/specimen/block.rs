@@ -202,13 +202,20 @@ mod tests {
                                 images: &images,
                                 image_velocities: &[],
                                 pairs,
-                                slots,
-                                touching,
+                                slots: &mut *slots,
+                                touching: &mut *touching,
                                 loads,
                                 is_viscous,
                                 step: 1e-2,
                             };
-                            sums.add(&block.evaluate());
+                            let found = block.evaluate();
+                            // Pictures tell the sliding contacts from their histories.
+                            let sliding = slots
+                                .iter()
+                                .zip(&*touching)
+                                .filter(|(slot, touches)| **touches && slot.is_sliding(&law));
+                            assert_eq!(sliding.count() as u64, found.sliding);
+                            sums.add(&found);
                         }
                         for grain in &mut grains {
                             grain.position = grain.velocity.scaled_plus(1e-2, grain.position);

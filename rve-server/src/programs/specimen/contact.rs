@@ -3,8 +3,8 @@
 //! The forces come from the same laws as in periodic cells; conventions of one contact: see [`crate::cell::network`].
 
 use super::SpecimenSpace;
-use super::contact_forces::{Approach, ContactForces, ForceSums, History, contact_forces};
-use crate::contact::ContactLaw;
+use super::contact_forces::{Approach, ContactForces, ForceSums, History, contact_forces, share_with_dashpot};
+use crate::contact::{AT_LIMIT, ContactLaw};
 use crate::simd::{Real, Tuple, put_lane, take_lane};
 
 /// A grain as contacts see it. Rates are per second, or per step where the step is the unit of time.
@@ -152,9 +152,20 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Slot<S, C> {
         slot
     }
 
-    /// Largest tangential force at the last overlap, N: what cohesion adds to the repulsion counts.
+    /// Whether the tangential force was at its limit at the last evaluation.
+    pub(super) fn is_sliding(&self, law: &C) -> bool {
+        S::length(self.tangential_force) >= AT_LIMIT * self.friction_limit(law)
+    }
+
+    /// Largest tangential force at the last evaluation, N: what cohesion and the dashpot add to the repulsion counts.
     pub(crate) fn friction_limit(&self, law: &C) -> f64 {
-        law.friction_limit(&self.constants, self.overlap)
+        let mut constants = self.constants;
+        if self.viscosity > 0.0 {
+            let share =
+                share_with_dashpot(law, &constants, self.normal_force, self.normal_force - self.viscous_force);
+            constants = law.limits_scaled(&constants, share);
+        }
+        law.friction_limit(&constants, self.overlap)
     }
 
     /// Contribution of the contact to the stability bound of its grain of radius `radius`.

@@ -179,6 +179,20 @@ impl<R: Real> ForceSums<R> {
     }
 }
 
+/// What presses the surfaces of a contact together over what does without the dashpot: friction goes with the whole. `elastic` and
+/// `normal` are the normal force without and with it, N, negative in compression.
+#[inline(always)]
+pub(super) fn share_with_dashpot<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
+    law: &C,
+    constants: &C::Constants<R>,
+    elastic: R,
+    normal: R,
+) -> R {
+    let zero = R::default();
+    let repulsion = law.normal_force(constants, zero) - elastic;
+    zero.larger(R::select(zero.less(repulsion), (repulsion + elastic - normal) / repulsion, zero))
+}
+
 /// Forces of touching contacts after a motion of `step` seconds; `smaller_radius` is that of the two grains, m.
 #[inline(always)]
 pub(super) fn contact_forces<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
@@ -203,10 +217,7 @@ pub(super) fn contact_forces<S: SpecimenSpace, C: ContactLaw<S>, R: Real>(
         let free = elastic.larger(zero);
         let pulls = zero.less(viscous) & free.less(elastic + viscous);
         normal = R::select(pulls, free, elastic + viscous);
-        // Friction goes with all that presses the surfaces together, the dashpot included.
-        let repulsion = law.normal_force(constants, zero) - elastic;
-        let share = R::select(zero.less(repulsion), (repulsion + elastic - normal) / repulsion, zero);
-        limited = law.limits_scaled(constants, zero.larger(share));
+        limited = law.limits_scaled(constants, share_with_dashpot(law, constants, elastic, normal));
     }
     let mut memory = history.memory;
     let response = law.respond(&limited, &motion, &mut memory);

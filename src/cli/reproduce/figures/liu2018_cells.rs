@@ -26,8 +26,7 @@ fn runs(size: Size) -> Vec<Run> {
             .set("path.0.increments=1")
             .set("path.0.strain.yy=-1e-6")
     };
-    let frame = Run::new("frame", "scenes/liu2018/cell-biaxial.toml", Command::Element(None), size)
-        .set("frame.constraint=\"periodic\"")
+    let frame = Run::new("frame", "scenes/liu2018/cell-frame.toml", Command::Element(None), size)
         .set("path.0.increments=1")
         .set("path.0.strain.yy=-1e-6");
     CELLS.into_iter().map(cell).chain([frame]).collect()

@@ -14,7 +14,7 @@ use super::SpecimenSpace;
 use super::block::{Block, Listed};
 use super::contact::{ContactSums, Grain, Load, OwnStiffness, PairLoad, Slot};
 use crate::cell::{Cell, PairFinder, PairKey};
-use crate::contact::{AT_LIMIT, ContactLaw};
+use crate::contact::ContactLaw;
 use crate::homogenization::picture::ContactLine;
 use crate::simd::Tuple;
 use crate::space::{Components, Tensor};
@@ -217,7 +217,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Body<S, C> {
                 tangential_force: tangential.dot(tangential).sqrt(),
                 force: in_space(force.as_ref()),
                 overlap: slot.overlap,
-                is_sliding: S::length(slot.tangential_force) >= AT_LIMIT * slot.friction_limit(&self.law),
+                is_sliding: slot.is_sliding(&self.law),
             }
         };
         self.touching().map(line).collect()
