@@ -22,6 +22,9 @@ pub(crate) struct Equation<'a> {
     pub(crate) condition: usize,
 }
 
+/// Extent of a set along the normal of its platen, over its widest, that is rounding.
+const ROUNDING: f64 = 1e-9;
+
 impl Problem {
     /// The equations of all links of a stage, which begins with the nodes at `positions`, m.
     ///
@@ -106,6 +109,14 @@ impl<'a> Writer<'a, '_> {
         self.equations.push(equation);
     }
 
+    /// Extent of a set along the axes, m.
+    fn extents(&self, nodes: &[usize]) -> [f64; 3] {
+        std::array::from_fn(|axis| {
+            let along = nodes.iter().map(|&node| self.positions[node][axis]);
+            along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+        })
+    }
+
     /// Middle of the extent of a set: unlike the mean of its nodes, it does not depend on how finely a mesh is divided where.
     fn middle(&self, nodes: &[usize]) -> [f64; 3] {
         std::array::from_fn(|axis| {
@@ -169,6 +180,15 @@ impl<'a> Writer<'a, '_> {
             return Err(ProblemError::NoThirdAxis);
         }
         let nodes = self.problem.nodes(set)?.to_vec();
+        let extents = self.extents(&nodes);
+        let [thinnest, widest] =
+            [f64::min, f64::max].map(|of| extents[1..dimension].iter().copied().fold(extents[0], of));
+        if extents[normal.index()] > thinnest + ROUNDING * widest {
+            return Err(ProblemError::MultiPointConstraint {
+                reason: "the set of a platen is wider along its normal than across it",
+                remedy: "name the axis across the face as `normal`, or another set",
+            });
+        }
         let middle = self.middle(&nodes);
         let moved = self.part(displacement);
         // u_n = U_n + (theta x r)_n: along each axis of the platen the rotation about the other one, right-handed.

@@ -201,8 +201,9 @@ struct StabilisationKeys {
     stabilise_after: Option<usize>,
     /// Increments with supports and loads at rest after which the body counts as having no equilibrium: it returns to
     /// the state before the step, which is cut back. So it does after 120 of them in a row that do not lower the out-of-balance force,
-    /// unless the step is of the smallest size. Refused where `stabilise` is false.
-    #[schemars(range(min = 1), extend("x-default" = "300 where supports move and all loads are constant, else 100", "x-procedures" = "implicit"))]
+    /// unless the step is of the smallest size, and where it is strained by more than 5 % on average while all supports are at rest. Refused where
+    /// `stabilise` is false.
+    #[schemars(range(min = 1), extend("x-procedures" = "implicit"))]
     stabilise_increments: usize,
     /// Viscosity of the first increment over the first stiffness. Refused where `stabilise` is false.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
@@ -210,7 +211,7 @@ struct StabilisationKeys {
     /// Iterations after which the last iterate is committed and the step goes on from it (path-dependent iteration), if they do not
     /// contract as those of a smooth material do; 0: every iterate begins at the last accepted state. Counted as
     /// `fallbacks.steps_with_committed_iterates`. Refused where `stabilise` is false.
-    #[schemars(extend("x-default" = "3 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
+    #[schemars(extend("x-default" = "3", "x-procedures" = "implicit"))]
     commit_iterates_after: Option<usize>,
 }
 
@@ -263,9 +264,9 @@ impl Stabilisation {
 }
 
 impl Default for Stabilisation {
-    /// Of any other stage: under loads that change, a body that takes more increments than this has collapsed.
+    /// At the smallest step alone, and every iterate begins at the last accepted state.
     fn default() -> Self {
-        Self { after: None, most_increments: 100, viscosity: 0.1, commit_iterates_after: None }
+        Self { after: None, commit_iterates_after: None, ..Self::UNDER_MOVING_SUPPORTS }
     }
 }
 

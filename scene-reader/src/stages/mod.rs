@@ -72,7 +72,7 @@ pub(super) fn stages(
         let own = MotionTables { place: &place, dynamics: &table.dynamics, relaxation: &table.relaxation };
         stage.procedure = solved(table.procedure, &[top, own])?;
         stage.nonlocal = nonlocal(document, &[(&[], &file.nonlocal), (&place, &table.nonlocal)])?;
-        stabilise_soon(&mut stage, &[&file.loading, &table.loading]);
+        stabilise_soon(&mut stage);
         refuse_unused(document, &place, &[&stage.procedure])?;
         stages.push(stage);
         places.push(conditions.places());
@@ -83,7 +83,7 @@ pub(super) fn stages(
         let base = base(file.procedure, None)?;
         let mut stage = Stage { conditions: conditions.applied(), procedure: solved(None, &[top])?, ..base };
         stage.nonlocal = nonlocal(document, &[(&[], &file.nonlocal)])?;
-        stabilise_soon(&mut stage, &[&file.loading]);
+        stabilise_soon(&mut stage);
         stages.push(stage);
         places.push(conditions.places());
         outputs.push(StageOutput { name: ONLY.to_owned(), fields_every: file.output.fields_every });
@@ -182,17 +182,15 @@ fn nonlocal(
     Ok(averages.enabled.then_some(averages.settings))
 }
 
-/// Where its tables do not say so, iterates are committed where iterations do not contract, and steps that fail are stabilised at once, if
+/// Where its tables do not say so, iterates are committed where iterations do not contract, and steps that fail are stabilised at once if
 /// supports drive the stage.
-fn stabilise_soon(stage: &mut Stage, tables: &[&keys::Given<LoadingSettings>]) {
-    if stage.is_driven_by_supports()
-        && let Some(settings) = &mut stage.control.stabilisation
-    {
+fn stabilise_soon(stage: &mut Stage) {
+    let by_supports = stage.is_driven_by_supports();
+    if let Some(settings) = &mut stage.control.stabilisation {
         let default = Stabilisation::UNDER_MOVING_SUPPORTS;
-        settings.after = settings.after.or(default.after);
         settings.commit_iterates_after = settings.commit_iterates_after.or(default.commit_iterates_after);
-        if !tables.iter().any(|table| table.has("stabilise_increments")) {
-            settings.most_increments = default.most_increments;
+        if by_supports {
+            settings.after = settings.after.or(default.after);
         }
     }
 }

@@ -46,6 +46,10 @@ const LEAST_ADVANCE: f64 = 1e-3;
 /// longer one takes many increments, and smaller steps may need none.
 const LARGEST_MOTION: f64 = 0.02;
 
+/// Mean displacement gradient of a path with all supports at rest, beyond which the body has collapsed: a specimen that fails under its load
+/// flows on until it is flat or some other state happens to bear the load, while cells that settle have done with it before.
+const COLLAPSE: f64 = 0.05;
+
 /// Share of the out-of-balance force that an increment has to leave at most if the path is to go on towards the tolerances from a state
 /// that is good enough for a step without progress.
 const LARGEST_PROGRESS: f64 = 0.5;
@@ -220,6 +224,7 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
         let mut last = String::new();
+        let supports_rest = self.motion_of_supports(target) == 0.0;
         // The number of increments in which loads move follows from the cap; those at fixed loads are limited.
         let (mut at_fixed_loads, least_advance) = (0, LEAST_ADVANCE * (target - self.stage_fraction));
         let (mut least, mut without_gain) = (f64::INFINITY, 0);
@@ -229,11 +234,21 @@ impl Solver<'_> {
         let mut noise = CorrectionNoise::new();
         for iteration in path.iterations + 1.. {
             let held = acceptable.take();
-            if at_fixed_loads == settings.most_increments || path.most_without_gain == Some(without_gain) {
-                if let Some(held) = held {
-                    return Ok(held.end);
+            let has_collapsed = supports_rest && path.mean_gradient() > COLLAPSE;
+            let is_over = at_fixed_loads == settings.most_increments
+                || path.most_without_gain == Some(without_gain)
+                || has_collapsed;
+            match held {
+                Some(held) if is_over => return Ok(held.end),
+                None if has_collapsed => {
+                    return Err(Failure::Attempt(format!(
+                        "collapse: {at_fixed_loads} increments of viscous stabilisation at fixed loads have strained the body by {:.1} % on \
+                         average: {last}",
+                        100.0 * path.mean_gradient()
+                    )));
                 }
-                break;
+                None if is_over => break,
+                _ => {}
             }
             if held.is_none() {
                 path.limit_plain_increments();

@@ -143,6 +143,11 @@ impl StabilisedPath {
         self.step_factor = if is_slow { (2.0 * self.step_factor).min(LARGEST_STEP_FACTOR) } else { 1.0 };
     }
 
+    /// Norm of the displacement gradient of the path so far, averaged over the points.
+    pub(super) fn mean_gradient(&self) -> f64 {
+        self.gradients.iter().sum::<Matrix3<f64>>().norm() / self.gradients.len() as f64
+    }
+
     /// Adds a committed increment.
     pub(super) fn add(&mut self, increment: &[f64], gradients: &[Matrix3<f64>], formulation: Formulation) {
         for (value, change) in self.increment.iter_mut().zip(increment) {

@@ -229,6 +229,14 @@ fn links_that_cannot_hold_are_refused() {
     assert!(matches!(error(square(), vec![empty]), ProblemError::MultiPointConstraint { .. }));
     let missing = periodic("left", "wall", [None; 3]);
     assert!(matches!(error(square(), vec![missing]), ProblemError::UnknownNodeSet { .. }));
+    let across = linked(MultiPointConstraint::TiltingPlaten {
+        nodes: "right".into(),
+        axis: Axis::Y,
+        displacement: None,
+        rotation: [None; 3],
+    });
+    let text = error(square(), vec![across]).to_string();
+    assert!(text.contains("wider along its normal"), "{text}");
     let deep = linked(MultiPointConstraint::TiltingPlaten {
         nodes: "top".into(),
         axis: Axis::Z,
