@@ -116,10 +116,15 @@ fn columns_of_bricks(problem: &Problem) -> Option<String> {
     })
 }
 
+/// How a remark on a stage begins: with its name, where there are several.
+fn beginning(problem: &Problem, stage: &Stage) -> String {
+    if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() }
+}
+
 /// A radius that reaches no other Gauss point: the results are those without averages.
 fn averages_of_nothing(problem: &Problem, stage: &Stage) -> Option<String> {
     let settings = stage.nonlocal.as_ref()?;
-    let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
+    let of_stage = beginning(problem, stage);
     problem.averages_nothing(stage).then(|| {
         format!(
             "{of_stage}nonlocal.radius = {:e} m is below the distance of neighbouring Gauss points: nothing is averaged; take a larger radius or a \
@@ -146,7 +151,7 @@ fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
     };
     let apart = (0..dimension).map(apart).fold(0.0, f64::max);
     (apart >= size).then(|| {
-        let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
+        let of_stage = beginning(problem, stage);
         format!(
             "{of_stage}supports move by {apart:e} m against each other, and the body is {size:e} m large: are the displacements in m?"
         )
@@ -163,7 +168,7 @@ fn supports_that_begin_with_a_jump(problem: &Problem, stage: &Stage) -> Option<S
     let jumps = from_the_stage.map(|given| (given.value * given.history.factor(stage.moment(0.0))).abs());
     let largest = jumps.fold(0.0, f64::max);
     (largest > 0.0).then(|| {
-        let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
+        let of_stage = beginning(problem, stage);
         format!(
             "{of_stage}a support moves by {largest:e} m within the first time step, since the history of its displacement does not begin at 0; \
              begin it there, or prescribe the velocity"
@@ -178,7 +183,7 @@ fn absorbing_sides_that_are_held(problem: &Problem, stage: &Stage) -> Vec<String
     else {
         return Vec::new();
     };
-    let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
+    let of_stage = beginning(problem, stage);
     let is_held = |set: &String| {
         let nodes = problem.sides(set).unwrap_or_default().iter().flat_map(|side| problem.mesh.side_nodes(*side));
         let mut components = nodes.flat_map(|node| dimension * node..dimension * (node + 1));
@@ -199,7 +204,7 @@ fn turns_between_steps(problem: &Problem, stage: &Stage) -> Vec<String> {
     if matches!(stage.procedure, Procedure::Dynamic(_)) || stage.finds_load_factor() {
         return Vec::new();
     }
-    let of_stage = if problem.stages.len() > 1 { format!("stage '{}': ", stage.name) } else { String::new() };
+    let of_stage = beginning(problem, stage);
     let acting = stage.conditions.iter().filter(|applied| applied.changes());
     let found = acting.filter_map(|Applied { history, .. }| turn_between_steps(history, stage));
     found.map(|remark| format!("{of_stage}{remark}")).collect()
