@@ -12,6 +12,16 @@ use crate::observer::{FieldsView, PointFields};
 use protocol::{Observables, Tensor2, TrialFlags};
 use std::path::Path;
 
+/// File of the fields of a step, relative to the output folder.
+pub fn frame_file(step: u64) -> String {
+    format!("fields/step-{step:04}.vtu")
+}
+
+/// The step whose fields a file holds, by the name that [`frame_file`] gives it; `None` for other files.
+pub fn step_of_frame(file: &str) -> Option<u64> {
+    file.strip_prefix("fields/step-")?.strip_suffix(".vtu")?.parse().ok()
+}
+
 /// Writes the fields of an accepted step. `observables` says which optional results are meaningful, `more` are further fields of the
 /// elements.
 ///
@@ -189,6 +199,19 @@ mod tests {
     use super::*;
     use crate::output::probe::tests::point;
     use crate::output::units::is_field;
+
+    #[test]
+    fn files_of_frames_tell_their_step() {
+        assert_eq!(frame_file(4), "fields/step-0004.vtu");
+        for step in [0, 4, 9_999, 12_345] {
+            assert_eq!(step_of_frame(&frame_file(step)), Some(step));
+        }
+        for other in
+            ["step-0004.vtu", "fields/step-0004.vtu.part", "fields/gauss-points-0004.vtp", "fields/step-.vtu"]
+        {
+            assert_eq!(step_of_frame(other), None, "{other}");
+        }
+    }
 
     /// 300 and 700 kPa of compression, turned by the shear stress: the invariants of a plane stress are known, and so are those of
     /// the triaxial stress in space.

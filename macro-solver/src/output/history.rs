@@ -16,12 +16,43 @@ use std::path::Path;
 /// Columns that every history has, in order; probes follow.
 const FIXED_COLUMNS: [&str; 5] = ["step", "time", "load", "iterations", "evaluations"];
 
+/// Column behind the probes where there are several stages.
+const STAGE_COLUMN: &str = "stage";
+
 /// Columns that every history ends with.
 const LAST_COLUMNS: [&str; 3] = ["cut_backs", "stabilised", "committed_iterates"];
 
-/// Columns behind them in runs whose error is estimated.
-const ACCURACY_COLUMNS: [&str; 5] =
-    ["strain_per_step", "estimated_error", "estimated_error_of_mean", "balance_error", "balance_error_of_mean"];
+/// Column behind them in runs whose error is estimated, and before those of [`ERROR_COLUMNS`].
+const STRAIN_COLUMN: &str = "strain_per_step";
+
+/// Last columns of runs whose error is estimated.
+const ERROR_COLUMNS: [&str; 4] =
+    ["estimated_error", "estimated_error_of_mean", "balance_error", "balance_error_of_mean"];
+
+/// What a column of a history tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HistoryColumn {
+    /// Which step it is, how far the run has come, and what the step cost.
+    Fixed,
+    /// A quantity that the scene asks for.
+    Probe,
+    /// How the step was reached.
+    Solver,
+    /// An estimated error.
+    Error,
+}
+
+impl HistoryColumn {
+    /// The kind of the column of this name, which is that of the header without its unit. What no run writes by itself is a probe.
+    pub fn kind(name: &str) -> Self {
+        match name {
+            name if FIXED_COLUMNS.contains(&name) || name == STAGE_COLUMN => Self::Fixed,
+            name if LAST_COLUMNS.contains(&name) || name == STRAIN_COLUMN => Self::Solver,
+            name if ERROR_COLUMNS.contains(&name) => Self::Error,
+            _ => Self::Probe,
+        }
+    }
+}
 
 /// One accepted step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,8 +137,9 @@ impl HistoryWriter {
 impl HistoryLayout {
     fn header(&self, path: &Path) -> Result<Vec<u8>, OutputError> {
         let names = FIXED_COLUMNS.iter().copied().chain(self.probes.iter().map(String::as_str));
-        let names = names.chain(self.tells_stages().then_some("stage")).chain(LAST_COLUMNS);
-        let names = names.chain(ACCURACY_COLUMNS.into_iter().filter(|_| self.accuracy));
+        let names = names.chain(self.tells_stages().then_some(STAGE_COLUMN)).chain(LAST_COLUMNS);
+        let of_accuracy = std::iter::once(STRAIN_COLUMN).chain(ERROR_COLUMNS);
+        let names = names.chain(of_accuracy.filter(|_| self.accuracy));
         csv_line(path, names.map(|name| headed(name, &self.headings)))
     }
 
@@ -148,7 +180,29 @@ impl HistoryLayout {
 
 #[cfg(test)]
 mod tests {
+    use super::super::units::HISTORY_COLUMNS;
     use super::*;
+
+    #[test]
+    fn every_column_of_a_full_history_has_a_kind_and_a_unit() {
+        let stages = vec!["squeeze".to_owned(), "shear".to_owned()];
+        let layout = HistoryLayout { stages, accuracy: true, ..HistoryLayout::default() };
+        let header = String::from_utf8(layout.header(Path::new("history.csv")).unwrap()).unwrap();
+        let names: Vec<&str> = header.trim_end().split(',').collect();
+        assert_eq!(names, HISTORY_COLUMNS.map(|(name, _)| name));
+        assert!(names.iter().all(|name| HistoryColumn::kind(name) != HistoryColumn::Probe));
+        assert_eq!(
+            ["time", "stage", "cut_backs", "strain_per_step", "balance_error", "top_force"].map(HistoryColumn::kind),
+            [
+                HistoryColumn::Fixed,
+                HistoryColumn::Fixed,
+                HistoryColumn::Solver,
+                HistoryColumn::Solver,
+                HistoryColumn::Error,
+                HistoryColumn::Probe
+            ]
+        );
+    }
 
     #[test]
     fn numbers_read_back_to_the_same_bits_and_names_are_quoted() {

@@ -1,6 +1,6 @@
 //! Writers of a run's output folder: history, fields, particles, summary.
 //!
-//! The writers take plain numbers and names; [`Recorder`] feeds them from what the solver reports. Whole files are written beside
+//! The writers take plain numbers and names; [`Recorder`] feeds them from what the solver reports. Whole files are written next to
 //! their final name and renamed, so that a reader never sees half a file; the history grows by whole rows, and a row
 //! that does not fit on the disk is taken back.
 
@@ -25,8 +25,8 @@ pub use atomic::{is_draft, remove_drafts, write_atomically, write_without_flush}
 pub use chosen::ChosenField;
 pub use energy::EnergyLedger;
 pub use fields::{Field, FieldGrid, FieldSeries, write_grid};
-pub use frames::{write_frame, write_point_frame};
-pub use history::{HistoryLayout, HistoryRow, HistoryWriter};
+pub use frames::{frame_file, step_of_frame, write_frame, write_point_frame};
+pub use history::{HistoryColumn, HistoryLayout, HistoryRow, HistoryWriter};
 pub use lines::write_lines;
 pub use particles::write_particles;
 pub use probe::{

@@ -1,7 +1,7 @@
 //! The observer that fills a run's output folder while the solver goes.
 
 use super::appended::EarlierFiles;
-use super::frames::{write_frame, write_point_frame};
+use super::frames::{frame_file, write_frame, write_point_frame};
 use super::points::point_columns;
 use super::probe::LargestLevels;
 use super::table::{TableFile, TableRow};
@@ -30,7 +30,7 @@ pub struct RecordPlan {
     pub fields: Vec<ChosenField>,
     /// The stages of the run, in order.
     pub stages: Vec<StageOutput>,
-    /// Whether the Gauss points are written beside the elements.
+    /// Whether the Gauss points are written in addition to the elements.
     pub gauss_points: bool,
     /// Optional results that the points are asked for.
     pub observables: Observables,
@@ -160,7 +160,7 @@ impl Recorder {
             probe_errors: self.probe_errors(report, view),
         };
         if self.plan.wants_fields(report) {
-            let frame = format!("fields/step-{:04}.vtu", report.step);
+            let frame = frame_file(report.step as u64);
             let more = self.plan.fields.iter().map(|field| field.of_elements(view, &self.references));
             write_frame(&self.folder.join(&frame), view, self.plan.observables, more.collect())?;
             self.elements.add(row.time, frame)?;

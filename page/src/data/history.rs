@@ -2,16 +2,8 @@
 
 use crate::folder::RunFolder;
 use crate::numbers::exact;
+use macro_solver::output::HistoryColumn;
 use serde_json::{Value, json};
-
-/// Columns that every history has.
-const FIXED: [&str; 6] = ["step", "time", "load", "iterations", "evaluations", "stage"];
-
-/// Columns that tell how a step was reached.
-const SOLVER: [&str; 4] = ["cut_backs", "stabilised", "committed_iterates", "strain_per_step"];
-
-/// Columns of the estimated errors.
-const ERRORS: [&str; 4] = ["estimated_error", "estimated_error_of_mean", "balance_error", "balance_error_of_mean"];
 
 /// A table: names and, column by column, cells; incomplete rows are left out.
 pub(super) struct Table {
@@ -44,12 +36,6 @@ pub(crate) fn history(folder: &RunFolder) -> Value {
     let table = Table::of(&folder.complete_lines("history.csv"));
     let errors = Table::of(&folder.complete_lines("probe_errors.csv"));
     let units = folder.json("units.json").unwrap_or_default();
-    let kind = |name: &str| match name {
-        name if FIXED.contains(&name) => "fixed",
-        name if SOLVER.contains(&name) => "solver",
-        name if ERRORS.contains(&name) => "error",
-        _ => "probe",
-    };
     let column = |(place, name): (usize, &String)| {
         let unit = units.pointer(&format!("/history/{}", name.replace('~', "~0").replace('/', "~1")));
         let error = errors.names.iter().position(|of| of == name && kind(of) == "probe");
@@ -68,6 +54,16 @@ pub(crate) fn history(folder: &RunFolder) -> Value {
         "columns": table.names.iter().enumerate().map(column).collect::<Value>(),
         "main": main(folder, &probes),
     })
+}
+
+/// Keyword of the kind of a column.
+fn kind(name: &str) -> &'static str {
+    match HistoryColumn::kind(name) {
+        HistoryColumn::Fixed => "fixed",
+        HistoryColumn::Probe => "probe",
+        HistoryColumn::Solver => "solver",
+        HistoryColumn::Error => "error",
+    }
 }
 
 /// The two columns that the scene plots.

@@ -2,6 +2,8 @@
 
 use super::error::ReproduceError;
 use super::results::{Finished, unusable};
+use macro_solver::output::{frame_file, step_of_frame};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use vtkio::model::{Attribute, DataSet, Piece, UnstructuredGridPiece, VertexNumbers};
 
@@ -16,9 +18,9 @@ impl Fields {
     /// Numbers of the steps that a run has written.
     pub(super) fn steps(run: &Finished) -> Vec<usize> {
         let entries = std::fs::read_dir(run.folder().join("fields")).into_iter().flatten().flatten();
-        let number = |name: String| name.strip_prefix("step-")?.strip_suffix(".vtu")?.parse().ok();
+        let step = |name: OsString| step_of_frame(&format!("fields/{}", name.to_string_lossy()));
         let mut steps: Vec<usize> =
-            entries.filter_map(|entry| number(entry.file_name().to_string_lossy().into_owned())).collect();
+            entries.filter_map(|entry| step(entry.file_name()).map(|step| step as usize)).collect();
         steps.sort_unstable();
         steps
     }
@@ -28,7 +30,7 @@ impl Fields {
     /// # Errors
     /// The run has not written it, or it cannot be read.
     pub(super) fn read(run: &Finished, step: usize) -> Result<Self, ReproduceError> {
-        Self::of_file(&run.folder().join(format!("fields/step-{step:04}.vtu")))
+        Self::of_file(&run.folder().join(frame_file(step as u64)))
     }
 
     fn of_file(file: &Path) -> Result<Self, ReproduceError> {
