@@ -11,6 +11,7 @@ mod foreign;
 mod harness;
 
 use harness::Site;
+use harness::table::Table;
 use std::time::Instant;
 
 /// How far independent engines differ before the peak, relative to the stress ratio.
@@ -34,8 +35,8 @@ fn run(site: &Site, name: &str, extra: &[&str]) -> Ran {
     let ended = site.program(&[&words, extra].concat()).env("GRAINSPAN_ENGINES", catalogue).output().unwrap();
     assert!(ended.status.success(), "{name}: {}", String::from_utf8_lossy(&ended.stderr));
     let seconds = begun.elapsed().as_secs_f64();
-    let history = site.history(name);
-    let column = |name| foreign::column(&history, name);
+    let history = Table::of(&site.history(name));
+    let column = |name| history.column(name);
     let summary = serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
     let (strain, ratio, volume) = (column("axial_compression"), column("stress_ratio"), column("volume_change"));
     Ran { strain, ratio, volume, seconds, summary }

@@ -4,6 +4,7 @@
 mod children;
 pub mod commands;
 pub mod short_scenes;
+pub mod table;
 
 pub use children::children_of;
 

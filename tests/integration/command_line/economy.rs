@@ -1,6 +1,7 @@
 //! Shortcuts of `[economy]`: what they may not change, and how they are accounted for.
 
 use crate::harness::short_scenes::{SHORT_SCENES, ShortScene};
+use crate::harness::table::Table;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -61,12 +62,10 @@ const COUNTS: [&str; 3] = ["evaluations", "force_evaluations", "rve_evaluations"
 
 /// Whether two histories differ in counts of work alone.
 fn counted_only(one: &str, other: &str) -> bool {
-    let heads: Vec<&str> = one.lines().next().unwrap_or_default().split(',').collect();
-    let is_count = |place: usize| COUNTS.iter().any(|count| heads[place].starts_with(count));
-    one.lines().count() == other.lines().count()
-        && one.lines().zip(other.lines()).all(|(one, other)| {
-            one.split(',').zip(other.split(',')).enumerate().all(|(place, (a, b))| a == b || is_count(place))
-        })
+    let (one, other) = (Table::of(one), Table::of(other));
+    let is_count = |name: &str| COUNTS.iter().any(|count| name.starts_with(count));
+    let results = || one.names().iter().filter(|name| !is_count(name));
+    one.names() == other.names() && results().all(|name| one.texts(name) == other.texts(name))
 }
 
 /// An increment of exactly zero, relaxed all the same, changes the results by less than the tolerance of the grains.
@@ -83,11 +82,7 @@ fn zero_increments_are_answered_at_once_unless_they_are_to_be_relaxed() {
         (Some(0), Some(false))
     );
     assert!(saved["zero_increments"]["error"].as_f64().unwrap() > 0.0);
-    let ratios = |history: &str| -> Vec<f64> {
-        let heads: Vec<&str> = history.lines().next().unwrap().split(',').collect();
-        let place = heads.iter().position(|head| head.starts_with("stress_ratio")).unwrap();
-        history.lines().skip(1).map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
-    };
+    let ratios = |history: &str| Table::of(history).column("stress_ratio");
     // Draft accuracy: 1e-2 of the mean contact force.
     for (one, other) in ratios(&with).iter().zip(&ratios(&without)) {
         assert!((one - other).abs() < 1e-2 * other, "{one} {other}");

@@ -1,5 +1,7 @@
 //! The estimated error of a run, and runs that keep to an error.
 
+use crate::harness::table::Table;
+use macro_solver::output::frame_file;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -20,16 +22,13 @@ fn done(out: &Path, workers: &str, settings: &[&str]) -> serde_json::Value {
     serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap()
 }
 
-fn history(out: &Path) -> Vec<Vec<String>> {
-    let text = fs::read_to_string(out.join("history.csv")).unwrap();
-    text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
+fn history(out: &Path) -> Table {
+    Table::read(&out.join("history.csv"))
 }
 
-/// Values of a column.
+/// Values of a column; 0 where there is none, as at the start.
 fn column(out: &Path, name: &str) -> Vec<f64> {
-    let rows = history(out);
-    let place = rows[0].iter().position(|head| head == name).unwrap_or_else(|| panic!("no column {name}"));
-    rows[1..].iter().map(|row| row[place].parse().unwrap_or(0.0)).collect()
+    history(out).texts(name).into_iter().map(|text| text.parse().unwrap_or(0.0)).collect()
 }
 
 #[test]
@@ -44,11 +43,13 @@ fn an_estimate_changes_no_byte_of_the_results_and_tells_their_error() {
     let summary = closely(&with, &["error_estimate.share=0.2"]);
     let plain = closely(&without, &["error_estimate.enabled=false"]);
     assert!(plain["accuracy"].is_null());
-    let columns = history(&without)[0].len();
-    let shortened: Vec<Vec<String>> = history(&with).into_iter().map(|row| row[..columns].to_vec()).collect();
-    assert_eq!(shortened, history(&without));
-    for (step, _) in history(&with).iter().enumerate().skip(1) {
-        let frame = format!("fields/step-{:04}.vtu", step - 1);
+    let (estimated, plain) = (history(&with), history(&without));
+    assert_eq!(&estimated.names()[..plain.names().len()], plain.names());
+    for name in plain.names() {
+        assert_eq!(estimated.texts(name), plain.texts(name), "{name}");
+    }
+    for step in 0..estimated.count() {
+        let frame = frame_file(step as u64);
         assert_eq!(fs::read(with.join(&frame)).unwrap(), fs::read(without.join(&frame)).unwrap(), "{frame}");
     }
     // All points of the scene are alike and the specimen stays uniform: the error of the stress ratio is that of a point.

@@ -1,7 +1,7 @@
 //! Probes of parts, profiles, tables of Gauss points and files of cells, as one short run writes them.
 
 use crate::harness::commands::succeeded;
-use std::collections::BTreeMap;
+use crate::harness::table::Table;
 use std::fs;
 use std::path::Path;
 use vtkio::Vtk;
@@ -97,28 +97,16 @@ axis = \"y\"
 bins = 8
 ";
 
-/// Columns of a CSV file by name.
-fn columns(path: &Path) -> BTreeMap<String, Vec<f64>> {
-    let text = fs::read_to_string(path).unwrap();
-    let mut lines = text.lines();
-    let names: Vec<String> = lines.next().unwrap().split(',').map(str::to_owned).collect();
-    let mut columns: BTreeMap<String, Vec<f64>> = names.iter().map(|name| (name.clone(), Vec::new())).collect();
-    for line in lines {
-        for (name, field) in names.iter().zip(line.split(',')) {
-            columns.get_mut(name).unwrap().push(field.parse().unwrap_or(f64::NAN));
-        }
-    }
-    columns
-}
-
 /// The increment of point 3 as probe and column is the norm of the change of its deformation gradient from row to row, and elements have
 /// the mean over their points.
 fn increments_are_those_of_the_deformation(out: &Path, probe: &[f64]) {
-    let point = columns(&out.join("points/point-0003.csv"));
-    let names = ["xx", "xy", "yx", "yy"].map(|component| format!("F_{component}"));
+    let point = Table::read(&out.join("points/point-0003.csv"));
+    let deformation = point.columns(["F_xx", "F_xy", "F_yx", "F_yy"]);
+    let increment = point.column("equivalent_strain_increment");
     for row in 1..5 {
-        let change = names.iter().map(|name| (point[name][row] - point[name][row - 1]).powi(2)).sum::<f64>().sqrt();
-        for found in [point["equivalent_strain_increment"][row], probe[row]] {
+        let pairs = deformation[row].iter().zip(&deformation[row - 1]);
+        let change = pairs.map(|(now, before)| (now - before).powi(2)).sum::<f64>().sqrt();
+        for found in [increment[row], probe[row]] {
             assert!((found - change).abs() < 1e-14, "row {row}: {found} {change}");
         }
     }
@@ -157,33 +145,38 @@ fn a_short_run_writes_what_figures_are_drawn_from() {
     let out = place.path().join("out");
     succeeded(&["run", path.to_str().unwrap(), "--workers", "1", "--out", out.to_str().unwrap(), "--quiet"]);
 
-    let history = columns(&out.join("history.csv"));
-    let last = |name: &str| *history[name].last().unwrap();
-    assert_eq!(history["step"], [0.0, 1.0, 2.0, 3.0, 4.0]);
-    assert_eq!(history["compression"][..2], [0.0, 0.0], "the stage has not begun");
+    let history = Table::read(&out.join("history.csv"));
+    let last = |name: &str| history.last(name);
+    assert_eq!(history.column("step"), [0.0, 1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(history.column("compression")[..2], [0.0, 0.0], "the stage has not begun");
     assert!((last("compression") - 3.0e-4 / 0.1).abs() < 1e-12);
-    let of_stage = (1.0 + last("volume")) / (1.0 + history["volume"][1]) - 1.0;
+    let of_stage = (1.0 + last("volume")) / (1.0 + history.column("volume")[1]) - 1.0;
     assert!((last("volume_of_stage") - of_stage).abs() < 1e-12);
     assert!(last("shear_least") < last("shear_mean") && last("shear_mean") < last("shear_most"));
     assert!(last("shear_spread") > 0.0 && last("shear_spread") < last("shear_most") - last("shear_least"));
     assert!(last("major") < -1.1e5 && last("sigma_bar") > 0.1 && last("lower_half") > 0.0);
     // No band before anything has strained; at the end one of -62.9 degrees through this small body.
-    assert!(history["band"][..2].iter().all(|angle| angle.is_nan()), "{:?}", history["band"]);
-    assert!((last("band") + 62.9).abs() < 5.0, "{:?}", history["band"]);
+    let band = history.column("band");
+    assert!(band[..2].iter().all(|angle| angle.is_nan()), "{band:?}");
+    assert!((last("band") + 62.9).abs() < 5.0, "{band:?}");
 
-    let rows = columns(&out.join("profiles/rows.csv"));
-    assert_eq!(rows["coordinate"].len(), 5 * 8, "eight rows of points at five steps");
-    assert!((rows["coordinate"][0] - 0.1 / 16.0).abs() < 1e-15);
+    let rows = Table::read(&out.join("profiles/rows.csv"));
+    assert_eq!(rows.count(), 5 * 8, "eight rows of points at five steps");
+    assert!((rows.column("coordinate")[0] - 0.1 / 16.0).abs() < 1e-15);
     // At the start all bins have the same volume, so that the mean over them is that over the body.
-    let mean = rows["value"][..8].iter().sum::<f64>() / 8.0;
-    assert!((mean - history["porosity"][0]).abs() < 1e-12);
+    let mean = rows.column("value")[..8].iter().sum::<f64>() / 8.0;
+    assert!((mean - history.column("porosity")[0]).abs() < 1e-12);
 
-    let point = columns(&out.join("points/point-0009.csv"));
-    for (one, other) in point["void_ratio"].iter().zip(&history["void_ratio_of_one"]) {
+    let point = Table::read(&out.join("points/point-0009.csv"));
+    for (one, other) in point.column("void_ratio").iter().zip(&history.column("void_ratio_of_one")) {
         assert!((one - other).abs() < 1e-14, "element 2, point 1: {one} {other}");
     }
-    assert!(point["sigma_yy"][4] < -1.1e5 && point["fabric_xx"][4] > 0.0 && point["sigma_zz"][4] == 0.0);
-    increments_are_those_of_the_deformation(&out, &history["increment"]);
+    assert!(
+        point.column("sigma_yy")[4] < -1.1e5
+            && point.column("fabric_xx")[4] > 0.0
+            && point.column("sigma_zz")[4] == 0.0
+    );
+    increments_are_those_of_the_deformation(&out, &history.column("increment"));
 
     let lines = Vtk::import(out.join("grains/contacts-0000-step-0004.vtp")).unwrap();
     let DataSet::PolyData { pieces, .. } = lines.data else { panic!("not poly data") };

@@ -1,5 +1,6 @@
 //! `grainspan run` on the small scene, as a user starts it: processes, files, messages, exit codes.
 
+use crate::harness::table::Table;
 use claims::Claim;
 use rve_server::programs::rve_test::ElementTest;
 use rve_server::programs::specimen::SpecimenTest;
@@ -84,26 +85,18 @@ fn the_small_scene_runs_and_writes_everything_it_promises() {
 }
 
 fn check_history(out: &Path) {
-    let history = fs::read_to_string(out.join("history.csv")).unwrap();
-    let mut lines = history.lines();
+    let history = Table::read(&out.join("history.csv"));
     assert_eq!(
-        lines.next(),
-        Some(
-            "step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force,cut_backs,stabilised,committed_iterates,strain_per_step,estimated_error,estimated_error_of_mean,balance_error,balance_error_of_mean"
-        )
+        history.names().join(","),
+        "step,time,load,iterations,evaluations,axial_compression,stress_ratio,volume_change,top_force,cut_backs,stabilised,committed_iterates,strain_per_step,estimated_error,estimated_error_of_mean,balance_error,balance_error_of_mean"
     );
-    let rows: Vec<Vec<f64>> = lines
-        .map(|line| {
-            line.split(',').map(|field| if field.is_empty() { f64::NAN } else { field.parse().unwrap() }).collect()
-        })
-        .collect();
-    assert_eq!(rows.len(), 6);
-    let (first, last) = (&rows[0], &rows[5]);
-    assert!((first[6] - 1.0).abs() < 1e-4, "the packing starts isotropic");
-    assert!((last[5] - 5.0e-3).abs() < 1e-12, "the platen goes all the way");
-    assert!((last[6] / 2.215 - 1.0).abs() < 0.02, "the stress ratio grows: {}", last[6]);
+    assert_eq!(history.rows().len(), 6);
+    let ratio = history.column("stress_ratio");
+    assert!((ratio[0] - 1.0).abs() < 1e-4, "the packing starts isotropic");
+    assert!((history.last("axial_compression") - 5.0e-3).abs() < 1e-12, "the platen goes all the way");
+    assert!((ratio[5] / 2.215 - 1.0).abs() < 0.02, "the stress ratio grows: {}", ratio[5]);
     // The platen carries the mean vertical stress: force = stress x current width, and the sides stay at 100 kPa.
-    assert!((first[8] + 5000.0).abs() < 1.0, "100 kPa on 50 mm");
+    assert!((history.column("top_force")[0] + 5000.0).abs() < 1.0, "100 kPa on 50 mm");
 }
 
 fn check_summary(out: &Path) {
@@ -202,7 +195,7 @@ fn a_run_that_cannot_converge_says_so_and_keeps_what_it_has() {
     assert!(summary["fallbacks"]["steps_stabilised"].as_u64() > Some(0), "{summary}");
     let taken = summary["energy"]["stabilisation"].as_f64().unwrap();
     assert!(taken.abs() > 0.0 && taken.abs() < 0.2 * summary["energy"]["external_work"].as_f64().unwrap(), "{taken}");
-    // How each step was reached stands beside it, and in the picture.
+    // How each step was reached stands in its row, and in the picture.
     let stabilised: Vec<f64> = numbers(&out, "stabilised").into_iter().filter(|count| *count > 0.0).collect();
     assert_eq!(stabilised.len() as u64, summary["fallbacks"]["steps_stabilised"].as_u64().unwrap());
     assert_eq!(
@@ -261,14 +254,8 @@ fn stabilisation_without_an_instability_ends_where_newton_does() {
 }
 
 /// Values of a column of a history, by row.
-fn column(out: &Path, name: &str) -> Vec<String> {
-    let mut reader = csv::Reader::from_path(out.join("history.csv")).unwrap();
-    let place = reader.headers().unwrap().iter().position(|header| header == name).unwrap();
-    reader.records().map(|row| row.unwrap()[place].to_owned()).collect()
-}
-
 fn numbers(out: &Path, name: &str) -> Vec<f64> {
-    column(out, name).iter().map(|text| text.parse().unwrap()).collect()
+    Table::read(&out.join("history.csv")).column(name)
 }
 
 /// Scenes that show stages, different cells and linked displacements run to their end, with the same bytes for one and
@@ -288,9 +275,10 @@ fn the_scenes_of_stages_regions_and_links_run() {
         assert_eq!(read(&one), read(&two), "{name}");
     }
     let sheared = place.path().join("compression-shear-1");
-    let stages = column(&sheared, "stage");
-    assert_eq!((stages[0].as_str(), stages.last().unwrap().as_str()), ("compression", "shear"));
-    let end = stages.iter().filter(|stage| *stage == "compression").count() - 1;
+    let history = Table::read(&sheared.join("history.csv"));
+    let stages = history.texts("stage");
+    assert_eq!((stages[0], *stages.last().unwrap()), ("compression", "shear"));
+    let end = stages.iter().filter(|stage| **stage == "compression").count() - 1;
     assert!((numbers(&sheared, "mean_pressure")[end] - 2.0e5).abs() < 500.0, "the pressures have doubled");
     assert!(numbers(&sheared, "top_force")[..=end].iter().all(|force| *force == 0.0), "no platen as yet");
     assert!((numbers(&sheared, "time").last().unwrap() - 660.0).abs() < 1e-9);
@@ -508,9 +496,7 @@ fn a_body_is_unloaded_to_zero_and_loaded_again() {
     assert_eq!(summary["fallbacks"]["not_equilibrated"], 0);
     assert!(summary["fallbacks"]["no_load_bearing_contacts"].as_u64().unwrap() > 0);
     assert!(summary["rve_evaluations"].as_u64().unwrap() < 600, "{}", summary["rve_evaluations"]);
-    let mut reader = csv::Reader::from_path(out.join("history.csv")).unwrap();
-    let place = reader.headers().unwrap().iter().position(|head| head == "vertical").unwrap();
-    let vertical: Vec<f64> = reader.records().map(|row| row.unwrap()[place].parse().unwrap()).collect();
+    let vertical = numbers(&out, "vertical");
     assert!(vertical[4].abs() < 300.0 && (vertical[9] / -1e5 - 1.0).abs() < 5e-3, "{vertical:?}");
 }
 

@@ -1,6 +1,7 @@
 //! `grainspan specimen` and `grainspan pack` as a user runs them: defaults, tables, closing lines, exit codes.
 
 use crate::harness::Site;
+use crate::harness::table::Table;
 use claims::Claim;
 use std::path::Path;
 use std::process::Output;
@@ -12,9 +13,7 @@ fn run(site: &Site, arguments: &[&str]) -> (i32, String, Output) {
 }
 
 fn column(table: &str, name: &str) -> Vec<f64> {
-    let mut lines = table.lines();
-    let place = lines.next().unwrap().split(',').position(|one| one == name).unwrap_or_else(|| panic!("no {name}"));
-    lines.map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
+    Table::of(table).column(name)
 }
 
 /// The shipped scene, shortened: what it starts from is told, the table is written, any number of threads gives the same bytes,

@@ -1,6 +1,7 @@
-//! The commands beside `run`: element, pack, check, completions, help.
+//! The commands other than `run`: element, pack, check, completions, help.
 
 use crate::harness::commands::{grainspan, succeeded};
+use crate::harness::table::Table;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -37,11 +38,11 @@ fn an_element_test_has_the_promised_columns_and_equal_bytes() {
          max_overlap_ratio,dem_steps,elastic_energy,frictional_dissipation,fabric_xx,fabric_xy,fabric_yy,a_c,a_n,a_t,work,damping_work"
     );
     assert_eq!(text.lines().count(), 1 + 4, "row 0 and one row per increment");
-    let last: Vec<f64> = text.lines().last().unwrap().split(',').map(|field| field.parse().unwrap()).collect();
-    assert!((last[4] - (1.0 - 3.0e-4)).abs() < 1e-12, "F_yy follows the path");
-    assert!((last[5] + 1.0e5).abs() < 200.0, "sigma_xx is held");
-    assert!(last[8] < -1.1e5, "sigma_yy grows in compression");
-    assert!((last[19] + last[21] - 1.0).abs() < 1e-14, "the trace of the fabric");
+    let table = Table::of(&text);
+    assert!((table.last("F_yy") - (1.0 - 3.0e-4)).abs() < 1e-12, "F_yy follows the path");
+    assert!((table.last("sigma_xx") + 1.0e5).abs() < 200.0, "sigma_xx is held");
+    assert!(table.last("sigma_yy") < -1.1e5, "sigma_yy grows in compression");
+    assert!((table.last("fabric_xx") + table.last("fabric_yy") - 1.0).abs() < 1e-14, "the trace of the fabric");
 }
 
 /// A modulus a thousand times that of the packing: the stress of row 0 is, too, and the path begins with what the packing was made for.
@@ -113,16 +114,32 @@ fn a_sweep_is_one_table_of_single_tests() {
     assert_eq!(grainspan(&["element", &test, "--sweep", "contact.friction=1:2:0"]).status.code(), Some(2));
 }
 
+/// Sums of force times branch over the contacts of a table, N m, row by row in the plane: by whole forces, and by normal forces the negative
+/// trace.
+fn sums_over_contacts(file: &Path) -> ([f64; 4], f64) {
+    let table = Table::read(file);
+    let ends = table.columns(["x_1", "y_1", "x_2", "y_2"]);
+    let forces = table.columns(["force_x", "force_y", "normal_force"]);
+    let (mut sums, mut pressure) = ([0.0; 4], 0.0);
+    for ([x_1, y_1, x_2, y_2], [force_x, force_y, normal]) in ends.into_iter().zip(forces) {
+        let (branch, force) = ([x_2 - x_1, y_2 - y_1], [force_x, force_y]);
+        pressure -= normal * branch[0].hypot(branch[1]);
+        sums.iter_mut().enumerate().for_each(|(place, sum)| *sum += force[place / 2] * branch[place % 2]);
+    }
+    (sums, pressure)
+}
+
 /// `(s1 - s2) / (s1 + s2) = (a_c + a_n + a_t) / (2 + a_c a_n)`; 0.7 % off at worst from increment 2 on, when this was written.
 #[test]
 fn the_stress_ratio_follows_from_the_anisotropies_of_the_contacts() {
     let text = String::from_utf8(succeeded(&["element", "scenes/rve-biaxial.toml", "--quiet"]).stdout).unwrap();
-    for line in text.lines().skip(1 + 2) {
-        let row: Vec<f64> = line.split(',').map(|field| field.parse().unwrap()).collect();
-        let (xx, xy, yy) = (row[5], row[6], row[8]);
+    let stresses = ["sigma_xx", "sigma_xy", "sigma_yy"];
+    let table = Table::of(&text);
+    let rows = table.columns(stresses).into_iter().zip(table.columns(["a_c", "a_n", "a_t"]));
+    for ([xx, xy, yy], [a_c, a_n, a_t]) in rows.skip(2) {
         let ratio = (0.5 * (xx - yy)).hypot(xy) / (0.5 * (xx + yy)).abs();
-        let from_contacts = (row[22] + row[23] + row[24]) / (2.0 + row[22] * row[23]);
-        assert!((from_contacts / ratio - 1.0).abs() < 0.02, "{from_contacts} {ratio} in {line}");
+        let from_contacts = (a_c + a_n + a_t) / (2.0 + a_c * a_n);
+        assert!((from_contacts / ratio - 1.0).abs() < 0.02, "{from_contacts} {ratio}");
     }
 }
 
@@ -131,10 +148,10 @@ fn operator_columns_come_only_when_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let test = element_test(folder.path());
     let output = succeeded(&["element", &test, "--tangent", "truss_like", "--set", "path.0.increments=1"]);
-    let text = String::from_utf8(output.stdout).unwrap();
-    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let table = Table::of(&String::from_utf8(output.stdout).unwrap());
+    let header = table.names();
     assert_eq!(header.len(), 17 + 16 + 10);
-    assert_eq!((header[17], header[32]), ("C_1111", "C_2222"));
+    assert_eq!((header[17].as_str(), header[32].as_str()), ("C_1111", "C_2222"));
 }
 
 /// All grains of [Liu2018] bounded as in the paper, for a few increments: the contacts of a frame carry the stress of its rows, its
@@ -150,20 +167,9 @@ fn frames_side_by_side_show_their_grains_and_contacts() {
         let pictures = ["--contacts", out.to_str().unwrap(), "--fluctuations-from", "1"];
         let arguments = ["element", test.to_str().unwrap(), "--size", "small", "--quiet"];
         let ran = succeeded(&[&arguments[..], &short, &pictures].concat());
-        let rows = String::from_utf8(ran.stdout).unwrap();
-        let header: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
-        let last = rows.lines().nth(4).unwrap();
-        let value = |column: &str| -> f64 {
-            let place = header.iter().position(|name| *name == column).unwrap();
-            last.split(',').nth(place).unwrap().parse().unwrap()
-        };
-        let table = fs::read_to_string(out.join("increment-0003-contacts.csv")).unwrap();
-        let mut sums = [0.0; 4];
-        for line in table.lines().skip(1) {
-            let row: Vec<f64> = line.split(',').map(|field| field.parse().unwrap()).collect();
-            let (branch, force) = ([row[5] - row[2], row[6] - row[3]], [row[12], row[13]]);
-            sums.iter_mut().enumerate().for_each(|(place, sum)| *sum += force[place / 2] * branch[place % 2]);
-        }
+        let rows = Table::of(&String::from_utf8(ran.stdout).unwrap());
+        let value = |column: &str| rows.column(column)[3];
+        let (sums, _) = sums_over_contacts(&out.join("increment-0003-contacts.csv"));
         let packing = Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-liu2018.json");
         let packing: serde_json::Value = serde_json::from_str(&fs::read_to_string(packing).unwrap()).unwrap();
         let side = |row: usize, column: usize| packing["periodicity"][row][column].as_f64().unwrap();
@@ -174,7 +180,7 @@ fn frames_side_by_side_show_their_grains_and_contacts() {
             let apart = (sum / area - value(column)).abs() / pressure;
             assert!(apart < 2e-2, "{constraint}, {column}: {} and {}", sum / area, value(column));
         }
-        assert!(value("sigma_yy") < 1.02 * value("sigma_xx") && value("a_n").is_finite(), "{last}");
+        assert!(value("sigma_yy") < 1.02 * value("sigma_xx") && value("a_n").is_finite(), "{rows:?}");
         for ending in ["force-chains.svg", "rotations.svg", "normals.svg", "fluctuations.svg", "grains.vtp"] {
             assert!(out.join(format!("increment-0003-{ending}")).is_file(), "{ending}");
         }
@@ -192,17 +198,14 @@ fn frames_under_controlled_stress_go_on_where_they_snap() {
     let test = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/liu2018/grains-frame-biaxial.toml");
     let soft = ["--size", "small", "--set", "frame.constraint='platens'", "--out", out.to_str().unwrap()];
     let ran = succeeded(&[&["element", test.to_str().unwrap()][..], &soft].concat());
-    let rows = fs::read_to_string(&out).unwrap();
-    let places: Vec<usize> = ["sigma_xx", "sigma_yy"]
-        .map(|name| rows.lines().next().unwrap().split(',').position(|column| column == name).unwrap())
-        .to_vec();
+    let rows = Table::read(&out);
     let said = String::from_utf8_lossy(&ran.stderr).into_owned();
-    let off = rows.lines().skip(2).filter(|row| {
-        let [xx, yy] = [0, 1].map(|one| row.split(',').nth(places[one]).unwrap().parse::<f64>().unwrap());
+    let stresses = rows.columns(["sigma_xx", "sigma_yy"]);
+    let off = stresses.iter().skip(1).filter(|[xx, yy]| {
         // Within the tolerance of a target that lies between the end of the first segment, itself within it, and the stress asked for.
         (xx + 1.5e5).abs() > 2.0 * 5e-3 * 0.5 * (xx + yy).abs().max(3e5)
     });
-    assert_eq!(rows.lines().count(), 203, "{said}");
+    assert_eq!(rows.count(), 202, "{said}");
     let off = off.count();
     assert_eq!(off > 0, said.contains("not met at an instability"), "{off} rows are off: {said}");
     // One increment of 10 %: the search may widen the frame by 6 % at most, and the stress is met in committed steps.
@@ -210,13 +213,9 @@ fn frames_under_controlled_stress_go_on_where_they_snap() {
     let ran = succeeded(&[&["element", test.to_str().unwrap()][..], &soft, &coarse].concat());
     let said = String::from_utf8_lossy(&ran.stderr).into_owned();
     assert!(said.contains("fallbacks: controlled stress"), "{said}");
-    let rows = fs::read_to_string(&out).unwrap();
-    let values = |name: &str| -> Vec<f64> {
-        let place = rows.lines().next().unwrap().split(',').position(|column| column == name).unwrap();
-        rows.lines().skip(1).map(|row| row.split(',').nth(place).unwrap().parse().unwrap()).collect()
-    };
+    let rows = Table::read(&out);
     // The way through the committed steps counts: work is about what was stored and lost, to the error of trapezoids over so coarse a path.
-    let [stored, lost, work] = ["elastic_energy", "frictional_dissipation", "work"].map(values);
+    let [stored, lost, work] = ["elastic_energy", "frictional_dissipation", "work"].map(|name| rows.column(name));
     let taken = (stored[2] - stored[1]) + (lost[2] - lost[1]);
     let ratio = (work[2] - work[1]) / taken;
     assert!((0.7..1.6).contains(&ratio), "{ratio} of {taken} J/m3");
@@ -245,16 +244,9 @@ fn contacts_of_chosen_increments_come_with_their_pictures() {
     ];
     assert_eq!(names, endings.map(|ending| format!("increment-0002-{ending}")));
     // The Love-Weber sum over the table is the stress of the row, by normal forces its trace, by whole forces all of it.
-    let table = fs::read_to_string(out.join("increment-0002-contacts.csv")).unwrap();
-    let (mut pressure, mut sums) = (0.0, [0.0; 4]);
-    for line in table.lines().skip(1) {
-        let row: Vec<f64> = line.split(',').map(|field| field.parse().unwrap()).collect();
-        let (branch, force) = ([row[5] - row[2], row[6] - row[3]], [row[12], row[13]]);
-        pressure -= row[8] * branch[0].hypot(branch[1]);
-        sums.iter_mut().enumerate().for_each(|(place, sum)| *sum += force[place / 2] * branch[place % 2]);
-    }
+    let (sums, pressure) = sums_over_contacts(&out.join("increment-0002-contacts.csv"));
     let rows = String::from_utf8(succeeded(&["element", &test, "--quiet"]).stdout).unwrap();
-    let row: Vec<f64> = rows.lines().nth(3).unwrap().split(',').map(|field| field.parse().unwrap()).collect();
+    let row = &Table::of(&rows).rows()[2];
     let packing = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("packings/discs-100.json")).unwrap();
     let packing: serde_json::Value = serde_json::from_str(&packing).unwrap();
     let side = |row: usize, column: usize| packing["periodicity"][row][column].as_f64().unwrap();

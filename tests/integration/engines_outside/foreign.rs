@@ -66,10 +66,3 @@ pub(crate) fn catalogue() -> String {
     }
     text
 }
-
-/// The numbers of a column of a history.
-pub(crate) fn column(history: &str, name: &str) -> Vec<f64> {
-    let mut lines = history.lines();
-    let place = lines.next().unwrap().split(',').position(|one| one == name).unwrap();
-    lines.map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
-}

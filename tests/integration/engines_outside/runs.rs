@@ -2,6 +2,7 @@
 
 use super::{foreign, native};
 use crate::harness::Site;
+use crate::harness::table::Table;
 use std::process::Command;
 
 /// One element, two small steps: seconds with an engine in pure Python.
@@ -36,7 +37,7 @@ fn run(site: &Site, name: &str, extra: &[&str]) -> serde_json::Value {
 
 /// The last number of a column of a history.
 fn last(site: &Site, name: &str, column: &str) -> f64 {
-    *foreign::column(&site.history(name), column).last().unwrap()
+    Table::of(&site.history(name)).last(column)
 }
 
 fn agrees_with_the_built_in_engine(engine: &str, tolerance: f64) {
@@ -172,12 +173,12 @@ fn what_an_engine_does_not_deliver_is_no_number() {
     let said = String::from_utf8_lossy(&ended.stderr);
     assert!(ended.status.success(), "{said}");
     assert!(said.contains("engine `elastic-c` does not deliver fabric, fabric_anisotropy,"), "{said}");
-    let table = std::fs::read_to_string(out.join("points/point-0000.csv")).unwrap();
+    let table = Table::read(&out.join("points/point-0000.csv"));
     for column in ["fabric_xx", "fabric_anisotropy", "coordination_number_no_rattlers", "damping_work"] {
-        let values = foreign::column(&table, column);
+        let values = table.column(column);
         assert!(values.len() > 1 && values.iter().all(|value| value.is_nan()), "{column}: {values:?}");
     }
-    assert!(foreign::column(&table, "sigma_yy").iter().all(|value| value.is_finite()));
+    assert!(table.column("sigma_yy").iter().all(|value| value.is_finite()));
     let summary: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
     let energies: Vec<&String> = summary["energy"].as_object().unwrap().keys().collect();

@@ -1,5 +1,6 @@
 //! Frames of boundary grains [Liu2018] behind finite elements, as `[rve] frame` of a scene chooses them.
 
+use crate::harness::table::Table;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -32,9 +33,7 @@ fn history(folder: &Path, name: &str, more: &[&str]) -> String {
 }
 
 fn last_ratio(history: &str) -> f64 {
-    let mut lines = history.lines();
-    let place = lines.next().unwrap().split(',').position(|column| column == "stress_ratio").unwrap();
-    lines.last().unwrap().split(',').nth(place).unwrap().parse().unwrap()
+    Table::of(history).last("stress_ratio")
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! L-8: the swing of a sheared column that is let go comes back as far as the grains allow. At both ends of a half cycle the column is at rest, so the
 //! shear stress has done no work in between; a cell that is sheared slowly from the same state says where that is.
 
+use crate::harness::table::Table;
 use claims::Claim;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,20 +20,6 @@ fn root() -> PathBuf {
 fn succeeded(command: &mut Command) {
     let ran = command.current_dir(root()).output().unwrap();
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-}
-
-/// Two columns of a table with a header.
-fn columns(file: &Path, names: [&str; 2]) -> Vec<[f64; 2]> {
-    let text = fs::read_to_string(file).unwrap();
-    let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let places = names.map(|name| header.iter().position(|column| *column == name).expect(name));
-    lines
-        .map(|line| {
-            let fields: Vec<&str> = line.split(',').collect();
-            places.map(|place| fields[place].parse().unwrap())
-        })
-        .collect()
 }
 
 /// Shear at which the column turns for the first time after it was let go.
@@ -54,7 +41,7 @@ fn first_turn(folder: &Path, shear: f64) -> f64 {
             .args(["--set", &format!("stage.0.boundary.0.displacement.x={}", shear * HEIGHT)])
             .args(["--set", "stage.1.loading.duration=0.005"]),
     );
-    let swing = columns(&out.join("history.csv"), ["time", "top"]);
+    let swing = Table::read(&out.join("history.csv")).columns(["time", "top"]);
     fs::remove_dir_all(&out).unwrap();
     let lowest = swing.iter().map(|row| row[1]).fold(f64::INFINITY, f64::min);
     assert!(lowest < swing.last().unwrap()[1] - 0.01 * shear * HEIGHT, "the run goes beyond the turn");
@@ -75,7 +62,7 @@ fn shear_of_no_work(folder: &Path, shear: f64) -> f64 {
     let (input, out) = (folder.join("cell.toml"), folder.join("cell.csv"));
     fs::write(&input, test).unwrap();
     succeeded(Command::new(env!("CARGO_BIN_EXE_grainspan")).arg("element").arg(&input).arg("--out").arg(&out));
-    let rows = columns(&out, ["F_xy", "sigma_xy"]);
+    let rows = Table::read(&out).columns(["F_xy", "sigma_xy"]);
     let mut work = 0.0;
     for pair in rows[20..].windows(2) {
         let [[from, stress_before], [to, stress_after]] = [pair[0], pair[1]];

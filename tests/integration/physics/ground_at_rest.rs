@@ -1,5 +1,6 @@
 //! `[initial_stress] prepare`: ground starts in balance with its weight, whatever the pressure of its packing.
 
+use crate::harness::table::Table;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -20,10 +21,7 @@ fn start(folder: &Path, sets: &[&str]) -> (f64, serde_json::Value) {
     let out = folder.to_str().unwrap();
     let ran = program(&["run", SCENE, "--size", "small", "--workers", "2", "--out", out], sets);
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    let history = fs::read_to_string(folder.join("history.csv")).unwrap();
-    let mut lines = history.lines();
-    let column = lines.next().unwrap().split(',').position(|name| name == "wall_force").unwrap();
-    let force = lines.next().unwrap().split(',').nth(column).unwrap().parse().unwrap();
+    let force = Table::read(&folder.join("history.csv")).column("wall_force")[0];
     (force, serde_json::from_slice(&fs::read(folder.join("summary.json")).unwrap()).unwrap())
 }
 

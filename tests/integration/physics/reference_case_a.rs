@@ -7,6 +7,7 @@
 //! beyond 0.5 % strain and at some point collapses locally, in each run at another strain: at constant area between
 //! 2.45 % and never, drained from 1.7 %. The comparisons end before, for a single run has no number there.
 
+use crate::harness::table::Table;
 use protocol::TangentKind;
 use rve_server::programs::rve_test::{ElementRow, ElementTest, run_element};
 use std::path::{Path, PathBuf};
@@ -27,16 +28,6 @@ fn run(name: &str, count: u32) -> Vec<ElementRow> {
     let summary = run_element(&test, &folder(), TangentKind::None, &mut |row| rows.push(row.clone())).unwrap();
     assert_eq!((summary.not_equilibrated, summary.large_overlap), (0, 0));
     rows
-}
-
-/// A CSV file as columns by name.
-fn reference(name: &str) -> impl Fn(&str) -> Vec<f64> {
-    let text = std::fs::read_to_string(folder().join(name)).unwrap();
-    move |column| {
-        let mut lines = text.lines();
-        let place = lines.next().unwrap().split(',').position(|heading| heading == column).unwrap();
-        lines.map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
-    }
 }
 
 /// Checks `values` against `expected` row by row and prints the largest difference in each band.
@@ -88,28 +79,28 @@ fn unstrained_row() -> ElementRow {
 #[test]
 fn constant_area_curve_lies_in_the_scatter_of_the_codes() {
     let rows = run("constant-area.toml", 80);
-    let column = reference("constant-area-reference.csv");
-    let strains = column("strain");
+    let reference = Table::read(&folder().join("constant-area-reference.csv"));
+    let strains = reference.column("strain");
     for (row, strain) in rows[1..].iter().zip(&strains) {
         assert!((row.deformation[0][0].ln() - strain).abs() < 1e-12);
         assert!((row.deformation[1][1].ln() + strain).abs() < 1e-12);
     }
     let deviator: Vec<f64> = rows[1..].iter().map(|row| 0.5 * (row.stress[0][0] - row.stress[1][1])).collect();
-    check_bands("constant area, q", &strains, &deviator, &column("q_mean"));
+    check_bands("constant area, q", &strains, &deviator, &reference.column("q_mean"));
 }
 
 #[test]
 fn drained_curve_follows_the_code_that_held_the_lateral_stress() {
     let rows = run("drained.toml", 56);
-    let column = reference("drained-yade.csv");
+    let reference = Table::read(&folder().join("drained-yade.csv"));
     // Row 0 of the reference is the unstrained packing.
-    let strains = column("strain")[1..].to_vec();
+    let strains = reference.column("strain")[1..].to_vec();
     for row in &rows[1..] {
         assert!((row.stress[0][0] + 1.0).abs() < 1e-3, "{row:?}");
     }
     let axial: Vec<f64> = rows[1..].iter().map(|row| row.stress[1][1]).collect();
-    check_bands("drained, sigma_yy", &strains, &axial, &column("syy")[1..]);
-    let (widths, heights) = (column("cell_xx"), column("cell_yy"));
+    check_bands("drained, sigma_yy", &strains, &axial, &reference.column("syy")[1..]);
+    let (widths, heights) = (reference.column("cell_xx"), reference.column("cell_yy"));
     for (number, row) in rows.iter().enumerate().skip(1) {
         let area = row.deformation[0][0] * row.deformation[1][1];
         let expected = widths[number] * heights[number] / (widths[0] * heights[0]);

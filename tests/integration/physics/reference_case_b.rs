@@ -4,6 +4,7 @@
 //! Reference. Yade 2023.02a and LAMMPS 22 Jul 2025 at inertial number 1e-4, see `tests/data/case-b/README.md`.
 //! Tolerance. 0.2 % of the shear stress, twice what the two programs differ by; this packing is not chaotic.
 
+use crate::harness::table::Table;
 use protocol::{Observables, RveEngine, TangentKind, Tensor2, TrialFlags, TrialOptions};
 use rve_server::contact::ContactTable;
 use rve_server::definition::{AnyDefinition, Packing, RveOptions};
@@ -56,16 +57,14 @@ fn sheared_spheres_follow_both_codes() {
     let mut step = [0.0; 9];
     step[1] = 2.997_712_01e-4;
     let mut worst: (f64, f64) = (0.0, 0.0);
-    let mut rows = csv::Reader::from_path(folder().join("shear-reference.csv")).unwrap();
-    for record in rows.records() {
-        let row: Vec<f64> = record.unwrap().iter().map(|cell| cell.parse().unwrap()).collect();
+    for row in Table::read(&folder().join("shear-reference.csv")).rows() {
         let answer = cell.trial(&Tensor2(step), &options).unwrap();
         assert!(!answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
         cell.commit().unwrap();
         for (column, place) in PLACES.into_iter().enumerate() {
             let (yade, lammps) = (row[2 + column], row[8 + column]);
             let wanted = 0.5 * (yade + lammps);
-            // Shear components are small beside the one that is driven; early on even that one is.
+            // Shear components are small against the one that is driven; early on even that one is.
             let scale = if column < 3 { wanted.abs() } else { row[5].abs().max(0.1) };
             close(answer.stress.0[place], wanted, TOLERANCE * scale, &format!("gamma {}, column {column}", row[1]));
             if column == 3 {

@@ -1,6 +1,7 @@
 //! One element of real grains: against the same grains driven alone as [Liu2015] section 3.2 does (check J-3), and how fast
 //! Newton's method finds the balance of an elastic step (T-9).
 
+use crate::harness::table::Table;
 use claims::Claim;
 use macro_solver::mesh::ElementKind;
 use macro_solver::mesh::block::Block;
@@ -50,9 +51,7 @@ fn scene_column(scene: &str, name: &str) -> Vec<f64> {
     program.arg("--out").arg(&out);
     let output = program.current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let mut reader = csv::Reader::from_path(out.join("history.csv")).unwrap();
-    let column = reader.headers().unwrap().iter().position(|header| header == name).unwrap();
-    reader.records().map(|row| row.unwrap()[column].parse().unwrap()).collect()
+    Table::read(&out.join("history.csv")).column(name)
 }
 
 /// The strategy that scenes of spheres get by default takes a step of 1e-3 in a few evaluations, whatever the number of grains. On 4096

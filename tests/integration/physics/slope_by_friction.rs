@@ -2,6 +2,7 @@
 //! `slope-friction` is reduced until no equilibrium is left; a cell with that friction then carries, in simple shear under a constant
 //! stress across it, as much as the slope asks for.
 
+use crate::harness::table::Table;
 use claims::Claim;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,15 +17,6 @@ const TOLERANCE: f64 = 2.0;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).to_owned()
-}
-
-/// The rows of a table with a header, as the numbers of these columns.
-fn columns<const N: usize>(text: &str, names: [&str; N]) -> Vec<[f64; N]> {
-    let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let places = names.map(|name| header.iter().position(|column| *column == name).expect(name));
-    let rows = lines.map(|line| line.split(',').collect::<Vec<_>>());
-    rows.map(|row| places.map(|place| row[place].parse().unwrap())).collect()
 }
 
 /// Runs the scene in its small size with these settings.
@@ -47,9 +39,9 @@ fn share_to_spare(folder: &Path, tangent: f64) -> f64 {
     let said = String::from_utf8_lossy(&ran.stderr).into_owned() + &String::from_utf8_lossy(&ran.stdout);
     assert_eq!(ran.status.code(), Some(1), "the slope fails: {said}");
     assert!(said.contains("of stage 'friction'"), "in its last stage: {said}");
-    let rows = columns(&fs::read_to_string(out.join("history.csv")).unwrap(), ["load"]);
+    let share = Table::read(&out.join("history.csv")).last("load");
     fs::remove_dir_all(&out).unwrap();
-    rows.last().unwrap()[0]
+    share
 }
 
 /// Largest ratio of the stresses along and across the plane that the cell of the scene carries in simple shear.
@@ -66,7 +58,7 @@ fn largest_ratio(folder: &Path, friction: f64) -> f64 {
         Command::new(env!("CARGO_BIN_EXE_grainspan")).arg("element").arg(&input).arg("--out").arg(&out).output();
     let ran = ran.unwrap();
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    let rows = columns(&fs::read_to_string(&out).unwrap(), ["sigma_xy", "sigma_yy"]);
+    let rows = Table::read(&out).columns(["sigma_xy", "sigma_yy"]);
     rows.iter().map(|[along, across]| (along / across).abs()).fold(0.0, f64::max)
 }
 
@@ -126,8 +118,7 @@ fn grains_with_reduced_friction_slide_in_pictures_as_in_tables() {
     ];
     let ran = run_slope(&out, &settings);
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    let table = fs::read_to_string(out.join("points/point-0005.csv")).unwrap();
-    let [fraction] = *columns(&table, ["sliding_fraction"]).last().unwrap();
+    let fraction = Table::read(&out.join("points/point-0005.csv")).last("sliding_fraction");
     let cell: serde_json::Value =
         serde_json::from_slice(&fs::read(out.join("cells/point-0005.json")).unwrap()).unwrap();
     let contacts = cell["contacts"].as_array().unwrap();

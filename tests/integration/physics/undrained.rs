@@ -1,5 +1,6 @@
 //! `[pore_fluid]`: the grains of a sealed specimen follow the stress path of one cell whose volume is kept and that carries no shear stress.
 
+use crate::harness::table::Table;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,18 +11,6 @@ const PRESSURE: f64 = 1e5;
 /// Axial shortening in all, and its steps. At 1.2 % the two differ by 2.1 % of the pressure, as runs of two accuracies do there.
 const SHORTENING: f64 = 0.005;
 const STEPS: usize = 20;
-
-fn last_row(path: &Path) -> Vec<(String, f64)> {
-    let text = fs::read_to_string(path).unwrap();
-    let mut lines = text.lines();
-    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let values = lines.next_back().unwrap().split(',').map(|value| value.parse().unwrap_or(f64::NAN));
-    names.into_iter().map(str::to_owned).zip(values).collect()
-}
-
-fn value(row: &[(String, f64)], name: &str) -> f64 {
-    row.iter().find(|(column, _)| column == name).expect(name).1
-}
 
 fn program(words: &[&str]) {
     let ran = Command::new(env!("CARGO_BIN_EXE_grainspan"))
@@ -77,7 +66,7 @@ fn a_sealed_specimen_follows_a_cell_of_constant_volume() {
     );
     fs::write(&scene, text).unwrap();
     program(&["run", scene.to_str().unwrap(), "--quiet", "--workers", "1", "--out", run.to_str().unwrap()]);
-    let specimen = last_row(&run.join("history.csv"));
+    let specimen = Table::read(&run.join("history.csv"));
 
     // Steps of constant volume that end at the same shortening.
     let axial = (1.0 - SHORTENING).powf(1.0 / STEPS as f64);
@@ -97,23 +86,23 @@ fn a_sealed_specimen_follows_a_cell_of_constant_volume() {
     )
     .unwrap();
     program(&["element", test.to_str().unwrap(), "--quiet", "--out", curve.to_str().unwrap()]);
-    let cell = last_row(&curve);
+    let cell = Table::read(&curve);
 
     for (ours, theirs) in [("xx", "sigma_xx"), ("yy", "sigma_yy")] {
-        let (found, expected) = (value(&specimen, ours), value(&cell, theirs));
+        let (found, expected) = (specimen.last(ours), cell.last(theirs));
         assert!((found - expected).abs() < 0.02 * PRESSURE, "{ours}: {found} for {expected}");
     }
     // Most of the work went into the fluid, and the balance knows it.
     let summary: serde_json::Value = serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap();
     let energy = |name: &str| summary["energy"][name].as_f64().unwrap();
-    let pressure = value(&specimen, "fluid");
+    let pressure = specimen.last("fluid");
     assert!((energy("pore_fluid") / (0.01 * 0.5 * pressure * pressure / 1e10) - 1.0).abs() < 1e-2, "{summary}");
     assert!(energy("relative_residual") < 0.02, "{summary}");
     // The path is not that of a drained test, whose lateral stress stays.
-    assert!((value(&specimen, "xx") + PRESSURE).abs() > 0.1 * PRESSURE);
-    let lateral = value(&specimen, "xx") - value(&specimen, "fluid");
+    assert!((specimen.last("xx") + PRESSURE).abs() > 0.1 * PRESSURE);
+    let lateral = specimen.last("xx") - specimen.last("fluid");
     assert!((lateral + PRESSURE).abs() < 0.01 * PRESSURE, "total stress at the sides: {lateral}");
     let width = 0.1 / (1.0 - SHORTENING);
-    let head = (value(&specimen, "yy") - value(&specimen, "fluid")) * width;
-    assert!((value(&specimen, "force") / head - 1.0).abs() < 0.01, "the platen carries the total stress");
+    let head = (specimen.last("yy") - specimen.last("fluid")) * width;
+    assert!((specimen.last("force") / head - 1.0).abs() < 0.01, "the platen carries the total stress");
 }

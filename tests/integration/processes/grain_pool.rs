@@ -1,5 +1,6 @@
 //! The pool of `grain-pool` as other programs use it: the bits of a single cell, states, lost workers, refusals, stops.
 
+use crate::harness::table::Table;
 use grain_pool::{PoolError, PoolOptions, Rve, RvePool, Snapshot, State, Trial, element_test};
 use protocol::{Observables, TangentKind, Tensor2, TrialOptions, TrialResult};
 use rve_server::definition::AnyDefinition;
@@ -96,8 +97,7 @@ fn a_path_has_the_rows_of_an_element_test() {
     let states = pool.new_states(0, 1).unwrap();
     let change = [[1e-4, 0.0, 0.0], [0.0, -2e-4, 0.0], [0.0; 3]];
     let mut deformation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    for row in rows.lines().skip(2) {
-        let values: Vec<f64> = row.split(',').map(|text| text.parse().unwrap()).collect();
+    for values in Table::of(&rows).rows().into_iter().skip(1) {
         // As the driver forms it: relative to the committed deformation, which costs a rounding.
         let target = product(&product(&change, &deformation), &inverse(&deformation));
         (deformation[0][0], deformation[1][1]) = (values[1], values[4]);
@@ -107,7 +107,7 @@ fn a_path_has_the_rows_of_an_element_test() {
         let result = pool.trial(&[request]).unwrap().remove(0);
         pool.commit(&states).unwrap();
         let stress = result.stress.plane();
-        assert_eq!([stress[0][0], stress[0][1], stress[1][0], stress[1][1]], values[5..9], "{row}");
+        assert_eq!([stress[0][0], stress[0][1], stress[1][0], stress[1][1]], values[5..9], "{values:?}");
         assert_eq!(result.scalars.void_ratio, values[9]);
     }
 }
