@@ -3,6 +3,7 @@
 
 mod children;
 pub mod commands;
+pub mod engines;
 pub mod short_scenes;
 pub mod table;
 

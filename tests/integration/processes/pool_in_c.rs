@@ -1,15 +1,12 @@
 //! The pool from C: the example of `pool-c` is compiled with the system's compiler, linked with the static library, and run.
 
+use crate::harness::engines::skip;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// A missing compiler or library is an error where `GRAINSPAN_REQUIRE_ENGINES` lists `c`.
-fn skip(reason: &str) {
-    let required = std::env::var("GRAINSPAN_REQUIRE_ENGINES").unwrap_or_default();
-    assert!(!required.split(',').any(|name| name == "c"), "the C example is required: {reason}");
-    eprintln!("SKIPPED: the pool from C: {reason}");
-}
+/// What is left out where a compiler or a library is missing.
+const NAME: &str = "the pool from C";
 
 #[test]
 fn the_example_in_c_is_sound() {
@@ -17,7 +14,7 @@ fn the_example_in_c_is_sound() {
     let program = env!("CARGO_BIN_EXE_grainspan");
     let library = Path::new(program).with_file_name("libgrainspan_pool.a");
     if !library.exists() {
-        return skip(&format!("{} was not built: cargo build -p grainspan-pool-c", library.display()));
+        return skip("c", NAME, &format!("{} was not built: cargo build -p grainspan-pool-c", library.display()));
     }
     let folder = tempfile::tempdir().unwrap();
     let example = folder.path().join("example");
@@ -30,7 +27,7 @@ fn the_example_in_c_is_sound() {
         .output();
     let compiled = match compiled {
         Ok(compiled) => compiled,
-        Err(error) => return skip(&format!("there is no C compiler: {error}")),
+        Err(error) => return skip("c", NAME, &format!("there is no C compiler: {error}")),
     };
     assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
     let cell = folder.path().join("cell.toml");
