@@ -93,16 +93,27 @@ pub(crate) const WORKERS: usize = 2;
 pub(crate) fn run_scene(scene: &Path, settings: &[String], folder: &Path) -> anyhow::Result<ProgramRun> {
     let mut command = run_command(&program()?, scene, settings, folder);
     let cost = timed(&mut command, &folder.with_extension("log"))?;
+    let (summary, history) = results(folder)?;
+    let numbers = |rows: Vec<String>| rows.iter().map(|entry| entry.parse().unwrap_or(f64::NAN)).collect();
+    let columns = history.into_iter().map(|(head, rows)| (head, numbers(rows))).collect();
+    Ok(ProgramRun { cost, summary, columns })
+}
+
+/// What a run has left in its folder: `summary.json`, and the columns of `history.csv` in their order, as they are written.
+///
+/// # Errors
+/// One of the two is missing or damaged.
+fn results(folder: &Path) -> anyhow::Result<(serde_json::Value, Vec<(String, Vec<String>)>)> {
     let summary = fs::read(folder.join("summary.json")).context("the summary of the run")?;
     let mut reader = csv::Reader::from_path(folder.join("history.csv")).context("the history of the run")?;
-    let heads = reader.headers()?.clone();
-    let mut columns: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    let mut columns: Vec<(String, Vec<String>)> =
+        reader.headers()?.iter().map(|head| (head.to_owned(), Vec::new())).collect();
     for record in reader.records() {
-        for (head, entry) in heads.iter().zip(&record?) {
-            columns.entry(head.to_owned()).or_default().push(entry.parse().unwrap_or(f64::NAN));
+        for ((_, rows), entry) in columns.iter_mut().zip(&record?) {
+            rows.push(entry.to_owned());
         }
     }
-    Ok(ProgramRun { cost, summary: serde_json::from_slice(&summary)?, columns })
+    Ok((serde_json::from_slice(&summary)?, columns))
 }
 
 /// A run that has ended, well or not.
@@ -141,16 +152,8 @@ pub(crate) fn run_to_its_end(scene: &Path, settings: &[&str], folder: &Path) -> 
         Some(2) => return Err(Refusal(said.trim().to_owned()).into()),
         _ => bail!("the run ended with {}: {said}", output.status),
     };
-    let summary = fs::read(folder.join("summary.json")).context("the summary of the run")?;
-    let mut reader = csv::Reader::from_path(folder.join("history.csv")).context("the history of the run")?;
-    let mut columns: Vec<(String, Vec<String>)> =
-        reader.headers()?.iter().map(|head| (head.to_owned(), Vec::new())).collect();
-    for record in reader.records() {
-        for ((_, rows), entry) in columns.iter_mut().zip(&record?) {
-            rows.push(entry.to_owned());
-        }
-    }
-    Ok(EndedRun { code, summary: serde_json::from_slice(&summary)?, columns })
+    let (summary, columns) = results(folder)?;
+    Ok(EndedRun { code, summary, columns })
 }
 
 fn run_command(program: &Path, scene: &Path, settings: &[String], folder: &Path) -> Command {
