@@ -15,6 +15,12 @@ ACCURACIES = {"draft": (5e-6, 1e-2), "default": (1e-6, 1e-3), "tight": (1e-7, 1e
 PACKING_VERSION, ROLLING_MOMENTS = 1, "packing.rolling_moments"
 
 
+def _given(table, key, default):
+    """The value of a key; the default where it is missing or nil, which is how a definition leaves it open. Zero is a value."""
+    value = table.get(key)
+    return default if value is None else value
+
+
 @dataclass(frozen=True)
 class Definition:
     """A definition, read. SI units; in the plane, lengths per ``thickness``."""
@@ -77,7 +83,7 @@ class Definition:
     @property
     def law(self):
         """Keyword of the contact law."""
-        return self.contact.get("law", "linear")
+        return _given(self.contact, "law", "linear")
 
     @property
     def friction(self):
@@ -87,22 +93,22 @@ class Definition:
     @property
     def stiffness_ratio(self):
         """k_t / k_n of the linear law."""
-        return float(self.contact.get("stiffness_ratio") or 0.0)
+        return float(_given(self.contact, "stiffness_ratio", 0.0))
 
     @property
     def cohesion(self):
         """Cohesive overlap C of f_n = -k_n (overlap - C), m."""
-        return float(self.contact.get("cohesion") or 0.0)
+        return float(_given(self.contact, "cohesion", 0.0))
 
     @property
     def rotations_free(self):
         """Whether grains rotate."""
-        return self.contact.get("rotations", "free") == "free"
+        return _given(self.contact, "rotations", "free") == "free"
 
     @property
     def density(self):
         """Density of the grain material, kg/m3; quasi-static results do not depend on it."""
-        return float(self.contact.get("density") or 2650.0)
+        return float(_given(self.contact, "density", 2650.0))
 
     @property
     def modulus(self):
@@ -116,25 +122,30 @@ class Definition:
         return 2.0 * self.modulus * first * second / (first + second)
 
     @property
+    def _named_accuracy(self):
+        """Strain per ramp step and force tolerance of the accuracy."""
+        return ACCURACIES[_given(self.options, "accuracy", "default")]
+
+    @property
     def strain_per_step(self):
         """Largest strain component of one ramp step."""
-        return self.options.get("strain_per_step") or ACCURACIES[self.options.get("accuracy", "default")][0]
+        return _given(self.options, "strain_per_step", self._named_accuracy[0])
 
     @property
     def tolerance(self):
         """Value that the equilibrium criterion must reach. Energies are quadratic in the forces, and so are the named values then."""
-        named = ACCURACIES[self.options.get("accuracy", "default")][1]
-        return self.options.get("tolerance") or (named**2 if self.options.get("criterion") == "energy" else named)
+        named = self._named_accuracy[1]
+        return _given(self.options, "tolerance", named**2 if self.options.get("criterion") == "energy" else named)
 
     @property
     def max_steps(self):
         """Most relaxation steps after the ramp."""
-        return self.options.get("max_steps") or 20_000
+        return _given(self.options, "max_steps", 20_000)
 
     @property
     def largest_target(self):
         """Largest strain of one trial."""
-        return self.options.get("largest_target") or 0.2
+        return _given(self.options, "largest_target", 0.2)
 
     def ramp_steps(self, strain, ask):
         """Number of ramp increments for a strain: what the run asks, else by the strain per step."""

@@ -8,6 +8,7 @@
 mod agreement;
 mod claims;
 mod conversation;
+mod defaults;
 mod foreign;
 mod native;
 mod pipe;
