@@ -140,6 +140,17 @@ impl FieldSeries {
         &self.frames
     }
 
+    /// The frames that the text of a `.pvd` file of this program lists, in order: time, s, and file relative to the `.pvd`. Lines that
+    /// list none are passed over, as in a file that is not whole.
+    pub fn listed(text: &str) -> Vec<(f64, String)> {
+        let value = |line: &str, key: &str| {
+            let (_, rest) = line.split_once(&format!(" {key}=\""))?;
+            Some(rest.split_once('"')?.0.to_owned())
+        };
+        let frame = |line: &str| Some((value(line, "timestep")?.parse().ok()?, value(line, "file")?));
+        text.lines().filter(|line| line.starts_with("<DataSet ")).filter_map(frame).collect()
+    }
+
     /// Goes on behind the frames of an earlier process. The list is rewritten, or removed if there are none: it may name frames after the
     /// checkpoint.
     ///
@@ -229,5 +240,20 @@ mod tests {
         let text = std::fs::read_to_string(&path).unwrap();
         let first = text.find("step-0000").unwrap();
         assert!(first < text.find("timestep=\"5e-1\" part=\"0\" file=\"fields/step-0001").unwrap());
+    }
+
+    #[test]
+    fn what_a_series_has_written_is_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("fields.pvd");
+        let mut series = FieldSeries::new(&path);
+        for (step, time) in [0.0, 0.1 + 0.2, 1.234_567_890_123_456_7e-300].into_iter().enumerate() {
+            series.add(time, format!("fields/step-{step:04}.vtu")).unwrap();
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(FieldSeries::listed(&text), series.frames());
+        let cut = text.find("step-0002").unwrap();
+        assert_eq!(FieldSeries::listed(&text[..cut]), series.frames()[..2]);
+        assert_eq!(FieldSeries::listed(""), []);
     }
 }

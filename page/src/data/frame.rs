@@ -2,6 +2,7 @@
 
 use crate::folder::RunFolder;
 use crate::numbers::shorts;
+use macro_solver::output::{FieldSeries, step_of_frame};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 use vtkio::model::{Attribute, DataSet, UnstructuredGridPiece, Vtk};
@@ -23,16 +24,8 @@ pub(crate) struct Frame {
 /// The frames that `fields.pvd` lists.
 pub(crate) fn frames(folder: &RunFolder) -> Vec<Frame> {
     let text = folder.text("fields.pvd").unwrap_or_default();
-    let value = |line: &str, key: &str| {
-        let begin = line.find(&format!("{key}=\""))? + key.len() + 2;
-        Some(line[begin..].split('"').next()?.to_owned())
-    };
-    let frame = |line: &str| {
-        let file = value(line, "file")?;
-        let step = file.strip_prefix("fields/step-")?.strip_suffix(".vtu")?.parse().ok()?;
-        Some(Frame { step, time: value(line, "timestep")?.parse().ok()?, file })
-    };
-    text.lines().filter_map(frame).collect()
+    let frame = |(time, file): (f64, String)| Some(Frame { step: step_of_frame(&file)?, time, file });
+    FieldSeries::listed(&text).into_iter().filter_map(frame).collect()
 }
 
 /// A grid with its data, `None` if the file is missing or not whole.
@@ -106,7 +99,7 @@ fn scalars(name: &str, numbers: &[f64], elements: usize, is_plane: bool) -> Vec<
 mod tests {
     use super::*;
     use macro_solver::mesh::ElementKind;
-    use macro_solver::output::{Field, FieldGrid, FieldSeries, write_grid};
+    use macro_solver::output::{Field, FieldGrid, write_grid};
     use std::fs;
 
     #[test]
