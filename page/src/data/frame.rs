@@ -127,7 +127,7 @@ mod tests {
         let whole = fs::read(&path).unwrap();
         for end in [0, 1, whole.len() / 4, whole.len() / 2, whole.len() - 20] {
             fs::write(&path, &whole[..end]).unwrap();
-            let _ = frame(&folder, 4, None);
+            assert_eq!(frame(&folder, 4, None), None, "the first {end} bytes");
         }
     }
 
