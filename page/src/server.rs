@@ -10,9 +10,11 @@ use crate::error::PageError;
 use crate::folder::RunFolder;
 use crate::program::Program;
 use crate::report::{asset, live_page};
+use rand::TryRng;
+use rand::rngs::SysRng;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -134,9 +136,9 @@ fn answered(answer: impl FnOnce() -> Answer) -> Answer {
 /// 128 random bits in hexadecimal digits.
 fn random_key() -> Result<String, PageError> {
     let mut bytes = [0_u8; 16];
-    std::fs::File::open("/dev/urandom")
-        .and_then(|mut source| source.read_exact(&mut bytes))
-        .map_err(|error| PageError(format!("no random numbers from /dev/urandom: {error}")))?;
+    SysRng
+        .try_fill_bytes(&mut bytes)
+        .map_err(|error| PageError(format!("the system gives no random numbers: {error}")))?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
@@ -301,6 +303,7 @@ fn decoded(text: &str) -> String {
 mod tests {
     use super::*;
     use std::fs;
+    use std::io::Read;
     use std::net::{IpAddr, TcpStream};
     use std::path::Path;
 
