@@ -1,6 +1,7 @@
 //! `grainspan reproduce`: the list, and one figure from its runs to its tables.
 
 use crate::harness::commands::{grainspan, succeeded};
+use crate::harness::table::Table;
 use claims::Claim;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -72,11 +73,11 @@ fn numbers(figure: &str, quantities: &[&str]) -> Vec<f64> {
     let place = tempfile::tempdir().unwrap();
     let out = place.path().to_str().unwrap();
     succeeded(&["reproduce", figure, "--size", "small", "--out", out]);
-    let mut table = csv::Reader::from_path(place.path().join(format!("{figure}.csv"))).unwrap();
-    let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+    let table = Table::read(&place.path().join(format!("{figure}.csv")));
+    let (names, values) = (table.texts("quantity"), table.texts("ours"));
     let ours = |quantity: &&str| {
-        let row = rows.iter().find(|row| &row[0] == *quantity).unwrap_or_else(|| panic!("{quantity} is missing"));
-        row[4].parse().unwrap()
+        let row = names.iter().position(|name| name == quantity).unwrap_or_else(|| panic!("{quantity} is missing"));
+        values[row].parse().unwrap()
     };
     quantities.iter().map(ours).collect()
 }
