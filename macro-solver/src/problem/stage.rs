@@ -211,7 +211,7 @@ struct StabilisationKeys {
     /// Iterations after which the last iterate is committed and the step goes on from it (path-dependent iteration), if they do not
     /// contract as those of a smooth material do; 0: every iterate begins at the last accepted state. Counted as
     /// `fallbacks.steps_with_committed_iterates`. Refused where `stabilise` is false.
-    #[schemars(extend("x-default" = "3", "x-procedures" = "implicit"))]
+    #[schemars(extend("x-default" = "3 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
     commit_iterates_after: Option<usize>,
 }
 

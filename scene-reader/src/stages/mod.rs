@@ -185,13 +185,12 @@ fn nonlocal(
 /// Where its tables do not say so, iterates are committed where iterations do not contract, and steps that fail are stabilised at once if
 /// supports drive the stage.
 fn stabilise_soon(stage: &mut Stage) {
-    let by_supports = stage.is_driven_by_supports();
-    if let Some(settings) = &mut stage.control.stabilisation {
+    if stage.is_driven_by_supports()
+        && let Some(settings) = &mut stage.control.stabilisation
+    {
         let default = Stabilisation::UNDER_MOVING_SUPPORTS;
+        settings.after = settings.after.or(default.after);
         settings.commit_iterates_after = settings.commit_iterates_after.or(default.commit_iterates_after);
-        if by_supports {
-            settings.after = settings.after.or(default.after);
-        }
     }
 }
 
