@@ -3,6 +3,7 @@
 //! This crate knows neither grains nor finite elements. It fixes
 //!
 //! * the **contract** of an RVE engine ([`engine`]): trial, commit, rollback, snapshot, restore;
+//! * which **targets** no engine can follow ([`target`]);
 //! * its **optional results** ([`observed`]): requested, declared, delivered;
 //! * the **wire types** ([`wire`]): fixed-layout jobs and replies that are loaned in shared memory;
 //! * the **control messages** ([`control`]): hello, welcome, define, drain, bye, encoded as MessagePack;
@@ -24,6 +25,7 @@ pub mod layout;
 pub mod observed;
 pub mod process;
 pub mod snapshot;
+pub mod target;
 pub mod tensor;
 pub mod transport;
 pub mod wire;

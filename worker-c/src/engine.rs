@@ -7,7 +7,6 @@ use protocol::{
     Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, snapshot,
 };
 use rve_server::definition::{EngineFeature, PackingFile, RveOptions};
-use rve_server::space::determinant;
 use serde_json::Value;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::time::Instant;
@@ -174,16 +173,7 @@ impl ForeignRve {
 
     /// What the engine need not look at itself.
     fn check(&self, target: &Tensor2) -> Result<(), RveError> {
-        if !target.is_finite() {
-            return Err(RveError::TargetNotFinite);
-        }
-        if self.dimension == 2 && *target != Tensor2::from_plane(target.plane()) {
-            return Err(RveError::Unsupported("deformation out of the plane".into()));
-        }
-        let determinant = determinant(&deformation(target));
-        if determinant <= 0.0 {
-            return Err(RveError::TargetInverted { determinant });
-        }
+        protocol::target::check(target, self.dimension as usize)?;
         let norm = target.0.iter().map(|component| component * component).sum::<f64>().sqrt();
         if norm > self.largest_target {
             return Err(RveError::TargetTooLarge { norm, limit: self.largest_target });
@@ -384,11 +374,6 @@ impl Parts {
             definition: self.text.as_ptr(),
         }
     }
-}
-
-/// The deformation gradient of a displacement gradient.
-fn deformation(h: &Tensor2) -> [[f64; 3]; 3] {
-    std::array::from_fn(|i| std::array::from_fn(|j| h.get(i, j) + f64::from(u8::from(i == j))))
 }
 
 /// The words of a text that are separated by spaces; none of no text.

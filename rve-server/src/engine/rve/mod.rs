@@ -13,7 +13,7 @@ use crate::homogenization::fabric::LARGEST_OVERLAP_RATIO;
 use crate::homogenization::observation::{in_space, note_condition, observe, of_space, scalars};
 use crate::homogenization::picture::CellPicture;
 use crate::solver::{AnsweredBy, End, GrainSolver, PathEnergies, SolveJob, Solved, SolverFor, chosen_ramp_steps};
-use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, determinant, norm, rotated};
+use crate::space::{Components, Discs, PolarParts, Space, Tensor, add_scaled, norm, rotated};
 use crate::tangent::network::NetworkResponses;
 use crate::tangent::{Closeness, Orderings};
 use protocol::{
@@ -443,18 +443,8 @@ fn solver_for<S: SolverFor>(name: SolverName, contact: &ContactTable) -> Result<
 
 /// The displacement gradient of an acceptable target.
 fn checked_target<T: Tensor>(target: &Tensor2) -> Result<T, RveError> {
-    if !target.is_finite() {
-        return Err(RveError::TargetNotFinite);
-    }
-    let gradient = of_space(target);
-    if *target != in_space(&gradient) {
-        return Err(RveError::Unsupported("deformation out of the plane".into()));
-    }
-    let determinant = determinant(&add_scaled(&T::IDENTITY, 1.0, &gradient));
-    if determinant <= 0.0 {
-        return Err(RveError::TargetInverted { determinant });
-    }
-    Ok(gradient)
+    protocol::target::check(target, T::DIMENSION)?;
+    Ok(of_space(target))
 }
 
 fn nanoseconds_since(started: Instant) -> u64 {

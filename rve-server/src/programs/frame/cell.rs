@@ -418,21 +418,12 @@ fn turn(state: &mut GrainState<Discs>, angle: f64) {
 impl RveSolver for FrameRve {
     fn trial(&mut self, target: &Tensor2, options: &TrialOptions) -> Result<TrialResult, RveError> {
         self.trial = None;
-        if !target.is_finite() {
-            return Err(RveError::TargetNotFinite);
-        }
+        protocol::target::check(target, 2)?;
         if options.tangent != TangentKind::None {
             return Err(RveError::Unsupported("tangent operators of a frame; ask for none".into()));
         }
         RveError::refuse_reduced_friction(options)?;
         let h = target.plane();
-        if *target != Tensor2::from_plane(h) {
-            return Err(RveError::Unsupported("deformation out of the plane".into()));
-        }
-        let determinant = plane::determinant(&plane::add_scaled(&plane::IDENTITY, 1.0, &h));
-        if determinant <= 0.0 {
-            return Err(RveError::TargetInverted { determinant });
-        }
         if h != [[0.0; 2]; 2] {
             return self.solve(&h, options);
         }
