@@ -1,39 +1,38 @@
 //! Operators that need the frozen network alone.
 
 use super::link::LinkedGrains;
-use super::method::{Form, Method, UniformStrain};
+use super::method::{Form, FrozenMethod, UniformStrain};
 use super::network::{self, Closeness, Orderings};
 use super::outcome::TangentOutcome;
 use super::uniform_strain::UNCALIBRATED;
 use super::{calibration, uniform_strain};
 use crate::cell::{Calibration, ContactNetwork};
 use crate::space::Space;
-use protocol::{TangentKind, Tensor4};
+use protocol::Tensor4;
 
 /// A network operator whose Frobenius norm exceeds that of the uniform-strain operator by this factor is refused. Without
 /// prestress the ratio cannot exceed 1; beyond 10 the network stands at a mechanism and the number is an artefact of it.
 const LARGEST_RATIO_TO_UNIFORM_STRAIN: f64 = 10.0;
 
-/// Linearises `network`. A network without contacts gives the zero operator, and so do [`TangentKind::None`] and the
-/// kinds that [need the grain solver](super::needs_grain_solver).
+/// Linearises `network`, Pa. A network without contacts gives the zero operator.
 ///
 /// The answer is always finite if the network is: a network operator that is singular, not finite or absurdly stiff is
 /// replaced by the uniform-strain operator (UKO) and marked.
-pub fn evaluate<S: Space>(network: &ContactNetwork<S>, kind: TangentKind) -> TangentOutcome {
-    evaluate_with(&mut Orderings::default(), network, kind, Closeness::RESULT)
+pub(crate) fn evaluate<S: Space>(network: &ContactNetwork<S>, method: FrozenMethod) -> TangentOutcome {
+    evaluate_with(&mut Orderings::default(), network, method, Closeness::RESULT)
 }
 
 /// As [`evaluate`], as close as wanted, with orders of elimination that were found before; they cannot reach a bit of the answer.
-pub fn evaluate_with<S: Space>(
+pub(crate) fn evaluate_with<S: Space>(
     orderings: &mut Orderings,
     network: &ContactNetwork<S>,
-    kind: TangentKind,
+    method: FrozenMethod,
     closeness: Closeness,
 ) -> TangentOutcome {
     if S::DIMENSION == 2 {
-        evaluate_discs(orderings, &LinkedGrains::of(network), kind, closeness)
+        evaluate_discs(orderings, &LinkedGrains::of(network), method, closeness)
     } else {
-        evaluate_spheres(orderings, &LinkedGrains::of(network), kind, closeness)
+        evaluate_spheres(orderings, &LinkedGrains::of(network), method, closeness)
     }
 }
 
@@ -42,10 +41,10 @@ pub fn evaluate_with<S: Space>(
 fn evaluate_discs(
     orderings: &mut Orderings,
     grains: &LinkedGrains<2>,
-    kind: TangentKind,
+    method: FrozenMethod,
     closeness: Closeness,
 ) -> TangentOutcome {
-    evaluate_linked::<2, 3, 4>(orderings, grains, kind, closeness)
+    evaluate_linked::<2, 3, 4>(orderings, grains, method, closeness)
 }
 
 /// As [`evaluate_discs`].
@@ -53,10 +52,10 @@ fn evaluate_discs(
 fn evaluate_spheres(
     orderings: &mut Orderings,
     grains: &LinkedGrains<3>,
-    kind: TangentKind,
+    method: FrozenMethod,
     closeness: Closeness,
 ) -> TangentOutcome {
-    evaluate_linked::<3, 6, 8>(orderings, grains, kind, closeness)
+    evaluate_linked::<3, 6, 8>(orderings, grains, method, closeness)
 }
 
 /// The uniform-strain operator with stiffnesses calibrated by these factors.
@@ -87,21 +86,20 @@ fn uniform<const D: usize, const B: usize>(grains: &LinkedGrains<D>, form: Form,
 fn evaluate_linked<const D: usize, const B: usize, const P: usize>(
     orderings: &mut Orderings,
     grains: &LinkedGrains<D>,
-    kind: TangentKind,
+    method: FrozenMethod,
     closeness: Closeness,
 ) -> TangentOutcome {
-    let sliding = match Method::of(kind) {
-        Method::Network(sliding) => sliding,
-        Method::UniformStrain(UniformStrain::Plain(form)) => {
+    let sliding = match method {
+        FrozenMethod::Network(sliding) => sliding,
+        FrozenMethod::UniformStrain(UniformStrain::Plain(form)) => {
             return TangentOutcome::exact(uniform::<D, B>(grains, form, UNCALIBRATED));
         }
-        Method::UniformStrain(UniformStrain::Augmented(Form::Objective)) => {
+        FrozenMethod::UniformStrain(UniformStrain::Augmented(Form::Objective)) => {
             return TangentOutcome::exact(uniform_strain::augmented::<D, B>(grains));
         }
-        Method::UniformStrain(UniformStrain::Augmented(Form::Printed)) => {
+        FrozenMethod::UniformStrain(UniformStrain::Augmented(Form::Printed)) => {
             return TangentOutcome::exact(uniform_strain::augmented_printed::<D, B>(grains));
         }
-        Method::None | Method::Perturbation(_) => return TangentOutcome::exact(Tensor4::ZERO),
     };
     let solved = network::solve::<D, B, P>(orderings, grains, sliding, closeness);
     let uniform = uniform::<D, B>(grains, Form::Objective, UNCALIBRATED);

@@ -8,12 +8,19 @@ use protocol::TangentKind;
 pub(crate) enum Method {
     /// No operator is wanted.
     None,
-    /// One sparse solve: every grain of the frozen network finds its own translation and rotation.
-    Network(Sliding),
-    /// The mean strain is forced upon all grains of the frozen network.
-    UniformStrain(UniformStrain),
+    /// The contact network of the trial state is enough.
+    Frozen(FrozenMethod),
     /// The grain solver answers small perturbations of the trial.
     Perturbation(Perturbation),
+}
+
+/// How an operator of a frozen network is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FrozenMethod {
+    /// One sparse solve: every grain finds its own translation and rotation.
+    Network(Sliding),
+    /// The mean strain is forced upon all grains.
+    UniformStrain(UniformStrain),
 }
 
 /// Operators of uniform strain.
@@ -70,15 +77,15 @@ impl Method {
     pub(crate) fn of(kind: TangentKind) -> Self {
         match kind {
             TangentKind::None => Self::None,
-            TangentKind::TrussLike => Self::Network(Sliding::Sticks),
-            TangentKind::TrussLikeSlip => Self::Network(Sliding::Slips(SlidingSet::OfRamp)),
-            TangentKind::TrussLikeSlipAtRest => Self::Network(Sliding::Slips(SlidingSet::AtRest)),
-            TangentKind::TrussLikeReleased => Self::Network(Sliding::Released(SlidingSet::OfRamp)),
-            TangentKind::TrussLikeReleasedAtRest => Self::Network(Sliding::Released(SlidingSet::AtRest)),
-            TangentKind::Kruyt => Self::UniformStrain(UniformStrain::Plain(Form::Objective)),
-            TangentKind::KruytPrinted => Self::UniformStrain(UniformStrain::Plain(Form::Printed)),
-            TangentKind::KruytAugmented => Self::UniformStrain(UniformStrain::Augmented(Form::Objective)),
-            TangentKind::KruytAugmentedPrinted => Self::UniformStrain(UniformStrain::Augmented(Form::Printed)),
+            TangentKind::TrussLike => network(Sliding::Sticks),
+            TangentKind::TrussLikeSlip => network(Sliding::Slips(SlidingSet::OfRamp)),
+            TangentKind::TrussLikeSlipAtRest => network(Sliding::Slips(SlidingSet::AtRest)),
+            TangentKind::TrussLikeReleased => network(Sliding::Released(SlidingSet::OfRamp)),
+            TangentKind::TrussLikeReleasedAtRest => network(Sliding::Released(SlidingSet::AtRest)),
+            TangentKind::Kruyt => uniform_strain(UniformStrain::Plain(Form::Objective)),
+            TangentKind::KruytPrinted => uniform_strain(UniformStrain::Plain(Form::Printed)),
+            TangentKind::KruytAugmented => uniform_strain(UniformStrain::Augmented(Form::Objective)),
+            TangentKind::KruytAugmentedPrinted => uniform_strain(UniformStrain::Augmented(Form::Printed)),
             TangentKind::KruytCalibrated => calibrated(Factors::Single, Form::Objective),
             TangentKind::KruytCalibratedPrinted => calibrated(Factors::Single, Form::Printed),
             TangentKind::KruytTwiceCalibrated => calibrated(Factors::Pair, Form::Objective),
@@ -89,6 +96,25 @@ impl Method {
             TangentKind::ElasticAverage => Self::Perturbation(Perturbation::ElasticAverage),
         }
     }
+}
+
+impl FrozenMethod {
+    /// PSTLO, `truss_like`.
+    pub(crate) const TRUSS_LIKE: Self = Self::Network(Sliding::Sticks);
+
+    /// As [`TRUSS_LIKE`](Self::TRUSS_LIKE) with contacts that slip if they slid in the ramp, `truss_like_slip`.
+    pub(crate) const TRUSS_LIKE_SLIP: Self = Self::Network(Sliding::Slips(SlidingSet::OfRamp));
+
+    /// UKO made symmetric, `kruyt`.
+    pub(crate) const KRUYT: Self = Self::UniformStrain(UniformStrain::Plain(Form::Objective));
+}
+
+fn network(sliding: Sliding) -> Method {
+    Method::Frozen(FrozenMethod::Network(sliding))
+}
+
+fn uniform_strain(operator: UniformStrain) -> Method {
+    Method::Frozen(FrozenMethod::UniformStrain(operator))
 }
 
 fn calibrated(factors: Factors, form: Form) -> Method {

@@ -28,8 +28,8 @@ mod symmetry_tests;
 #[cfg(test)]
 mod tests;
 
-pub use evaluate::{evaluate, evaluate_with};
-pub(crate) use method::Method;
+pub(crate) use evaluate::{evaluate, evaluate_with};
 pub use method::needs_grain_solver;
+pub(crate) use method::{FrozenMethod, Method, Perturbation};
 pub use network::{Closeness, Orderings};
 pub use outcome::{OperatorEvaluation, TangentOutcome};

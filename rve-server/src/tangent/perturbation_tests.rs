@@ -1,8 +1,7 @@
 //! Checks against the grain solver itself, on 400 discs at k_n/p = 1000: T-1 (the truss-like operator equals central
 //! differences when nothing slides) and the gain of the slip operator in the direction of loading.
 
-use super::sample_networks::PlaneOperator;
-use super::*;
+use super::sample_networks::{PlaneOperator, evaluate};
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, PackingFile, RveOptions};
 use crate::engine::GrainRve;

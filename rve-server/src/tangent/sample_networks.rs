@@ -1,13 +1,28 @@
 //! Networks for tests: perfect lattices with closed-form moduli and random ones in exact balance.
 
 use crate::cell::{ContactNetwork, NetworkContact};
-use crate::space::Spheres;
+use crate::space::{Space, Spheres};
+use crate::tangent::{Closeness, FrozenMethod, Method, Orderings, TangentOutcome, evaluate_with};
 use nalgebra::{DMatrix, DVector};
+use protocol::TangentKind;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
 /// A plane operator as `[ij][kl]`, pairs ordered 11, 12, 21, 22, Pa.
 pub(super) type PlaneOperator = [[f64; 4]; 4];
+
+/// The method of a kind that needs the network alone.
+pub(super) fn frozen(kind: TangentKind) -> FrozenMethod {
+    match Method::of(kind) {
+        Method::Frozen(method) => method,
+        other => panic!("{} is found by {other:?}", kind.keyword()),
+    }
+}
+
+/// Operator of such a kind, solved as closely as results are.
+pub(super) fn evaluate<S: Space>(network: &ContactNetwork<S>, kind: TangentKind) -> TangentOutcome {
+    evaluate_with(&mut Orderings::default(), network, frozen(kind), Closeness::RESULT)
+}
 
 /// Springs and normal force of all contacts of a lattice.
 #[derive(Clone, Copy)]

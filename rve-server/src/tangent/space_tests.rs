@@ -3,7 +3,7 @@
 
 use super::evaluate::frobenius_norm;
 use super::link::LinkedGrains;
-use super::sample_networks::{Springs, crystal, disordered};
+use super::sample_networks::{Springs, crystal, disordered, evaluate};
 use super::sliding::{Sliding, SlidingSet};
 use super::*;
 use crate::cell::ContactNetwork;

@@ -1,7 +1,6 @@
 //! T-4: what of an operator is symmetric, and how far the rest goes with the stress.
 
-use super::sample_networks::{random, stress};
-use super::*;
+use super::sample_networks::{evaluate, random, stress};
 use crate::cell::ContactNetwork;
 use crate::contact::ContactTable;
 use crate::definition::{GrainDefinition, PackingFile, RveOptions};

@@ -1,7 +1,7 @@
 //! Checks D-1, D-2, D-6 (lattices with closed-form moduli), T-2, T-3, T-5 (identities and bound on random networks), and
 //! the ways in which a network can be unfit: rattlers, floating clusters, mechanisms, grains that only slide.
 
-use super::sample_networks::{PlaneOperator, Springs, random, square, stress, triangular};
+use super::sample_networks::{PlaneOperator, Springs, evaluate, frozen, random, square, stress, triangular};
 use super::*;
 use crate::cell::{ContactNetwork, NetworkContact};
 use claims::Claim;
@@ -224,7 +224,8 @@ fn rattlers_and_floating_clusters_change_nothing() {
 fn empty_network_has_no_stiffness() {
     let mut network = random(1, 0.01);
     network.contacts.clear();
-    for kind in TangentKind::ALL {
+    let kinds = TangentKind::ALL.into_iter().filter(|kind| matches!(Method::of(*kind), Method::Frozen(_)));
+    for kind in kinds {
         let outcome = evaluate(&network, kind);
         assert_eq!(outcome, TangentOutcome::exact(Tensor4::ZERO));
     }
@@ -379,7 +380,7 @@ fn kept_orderings_leave_every_bit_alone() {
             let network = random(seed, 1e-3);
             for kind in [TangentKind::TrussLike, TangentKind::TrussLikeSlip, TangentKind::TrussLikeReleased] {
                 assert_eq!(
-                    evaluate_with(&mut orderings, &network, kind, Closeness::RESULT),
+                    evaluate_with(&mut orderings, &network, frozen(kind), Closeness::RESULT),
                     evaluate(&network, kind)
                 );
             }

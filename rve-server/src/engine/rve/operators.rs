@@ -2,7 +2,9 @@
 
 use super::{GrainRve, nanoseconds_since};
 use crate::solver::SolverFor;
-use crate::tangent::{self, Closeness, Method, OperatorEvaluation, TangentOutcome, perturbation};
+use crate::tangent::{
+    self, Closeness, FrozenMethod, Method, OperatorEvaluation, Perturbation, TangentOutcome, perturbation,
+};
 use protocol::{TangentKind, Tensor4, TrialFlags, TrialResult};
 use std::time::Instant;
 
@@ -42,26 +44,38 @@ impl<S: SolverFor> GrainRve<S> {
         answer.tangent = Some(Box::new(outcome.operator));
     }
 
-    /// An operator of the present trial, as the trial itself would have returned it; `None` without a trial. What the
-    /// operator learns goes into the trial state.
+    /// An operator of the present trial, Pa, as the trial itself would have returned it; `None` without a trial and for
+    /// [`TangentKind::None`]. What the operator learns goes into the trial state.
     pub fn operator(&mut self, kind: TangentKind) -> Option<OperatorEvaluation> {
-        let trial = self.trial.as_mut()?;
-        if !trial.state.bears_load {
+        let trial = self.trial.as_ref()?;
+        let method = Method::of(kind);
+        if method != Method::None && !trial.state.bears_load {
             let outcome = TangentOutcome::exact(Tensor4::ZERO);
             return Some(OperatorEvaluation::without_evaluations(outcome));
         }
-        let Method::Perturbation(perturbation) = Method::of(kind) else {
-            let assumed = (self.springs_of_operators > 0.0).then(|| {
-                let mut network = trial.network.clone();
-                for contact in &mut network.contacts {
-                    contact.tangential_stiffness = self.springs_of_operators * contact.normal_stiffness;
-                }
-                network
-            });
-            let network = assumed.as_ref().unwrap_or(&trial.network);
-            let outcome = tangent::evaluate_with(&mut self.orderings, network, kind, self.closeness);
-            return Some(OperatorEvaluation::without_evaluations(outcome));
-        };
+        match method {
+            Method::None => None,
+            Method::Frozen(frozen) => self.frozen_operator(frozen),
+            Method::Perturbation(perturbation) => self.perturbed_operator(perturbation),
+        }
+    }
+
+    fn frozen_operator(&mut self, method: FrozenMethod) -> Option<OperatorEvaluation> {
+        let trial = self.trial.as_ref()?;
+        let assumed = (self.springs_of_operators > 0.0).then(|| {
+            let mut network = trial.network.clone();
+            for contact in &mut network.contacts {
+                contact.tangential_stiffness = self.springs_of_operators * contact.normal_stiffness;
+            }
+            network
+        });
+        let network = assumed.as_ref().unwrap_or(&trial.network);
+        let outcome = tangent::evaluate_with(&mut self.orderings, network, method, self.closeness);
+        Some(OperatorEvaluation::without_evaluations(outcome))
+    }
+
+    fn perturbed_operator(&mut self, perturbation: Perturbation) -> Option<OperatorEvaluation> {
+        let trial = self.trial.as_mut()?;
         let perturbed = perturbation::Trial {
             model: &self.model,
             contact: &self.contact,

@@ -10,7 +10,7 @@ use super::stress_relaxation::{LARGEST_JUMP, MOST_RELAXED, Relaxation, STEPS_BEF
 use super::test_file::COMPONENT_KEYS;
 use crate::solver::SolverFor;
 use crate::space::add_scaled;
-use crate::tangent;
+use crate::tangent::{self, FrozenMethod};
 use protocol::{Observables, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 
 /// Most trials of one increment under stress control.
@@ -66,9 +66,9 @@ impl<S: SolverFor> Run<S> {
         self.network = self.cell.network().cloned();
     }
 
-    fn by_operator(&self, kind: TangentKind, gradient: &Matrix) -> Operator {
+    fn by_operator(&self, method: FrozenMethod, gradient: &Matrix) -> Operator {
         let network = self.network.as_ref().expect("row 0 sets the network");
-        by_gradient(&tangent::evaluate(network, kind).operator, gradient)
+        by_gradient(&tangent::evaluate(network, method).operator, gradient)
     }
 
     pub(super) fn prescribed(&mut self, step: &Step) -> Result<Accepted, ElementError> {
@@ -80,8 +80,8 @@ impl<S: SolverFor> Run<S> {
     /// One search for the controlled stresses. As the last resort it takes the nearest of its trials, if that is as near as a snap
     /// may leave it, and otherwise relaxes the stresses from there.
     pub(super) fn controlled(&mut self, step: &Step, is_last_resort: bool) -> Result<Accepted, ElementError> {
-        let elastic = self.by_operator(TangentKind::TrussLike, &step.committed_gradient);
-        let sliding = self.by_operator(TangentKind::TrussLikeSlip, &step.committed_gradient);
+        let elastic = self.by_operator(FrozenMethod::TRUSS_LIKE, &step.committed_gradient);
+        let sliding = self.by_operator(FrozenMethod::TRUSS_LIKE_SLIP, &step.committed_gradient);
         if Relaxation::new(&step.targets).is_sound(&elastic) {
             self.sound = Some(elastic);
         }
@@ -178,7 +178,7 @@ impl<S: SolverFor> Run<S> {
             self.work.advance(step.kinematics.committed, stress, energies);
             taken += 1;
             self.spent.relaxed += 1;
-            let elastic = self.by_operator(TangentKind::TrussLike, &gradient);
+            let elastic = self.by_operator(FrozenMethod::TRUSS_LIKE, &gradient);
             let elastic = match self.sound {
                 Some(sound) if !relaxation.is_sound(&elastic) => sound,
                 _ => elastic,

@@ -17,9 +17,9 @@ use crate::homogenization::fluctuation::displacement_fluctuations;
 use crate::programs::frame::{FrameDefinition, FrameOptions, FrameRve};
 use crate::space::Discs;
 use crate::space::plane::{self, Plane};
-use crate::tangent;
+use crate::tangent::{self, FrozenMethod};
 use nalgebra::{DMatrix, DVector};
-use protocol::{Observables, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
+use protocol::{Observables, RveSolver, Tensor2, TrialFlags, TrialOptions, TrialResult};
 use std::ops::ControlFlow;
 
 /// Most trials of one increment under stress control.
@@ -316,7 +316,7 @@ impl Run<'_> {
         if places.is_empty() || Relaxation::new(&targets).is_sound(&operator) {
             return Ok(operator);
         }
-        let uniform = tangent::evaluate(&self.cell.committed_network(), TangentKind::Kruyt);
+        let uniform = tangent::evaluate(&self.cell.committed_network(), FrozenMethod::KRUYT);
         Ok(by_gradient(&uniform.operator, &[[0.0; 3]; 3]))
     }
 

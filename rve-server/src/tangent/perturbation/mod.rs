@@ -17,10 +17,10 @@ use crate::solver::{GrainSolver, SolveJob, SolverFor};
 use crate::space::{Space, Tensor, add_scaled, product, rotated};
 use crate::tangent::calibration::stiffness_factors;
 use crate::tangent::evaluate::{calibrated, calibration, evaluate};
-use crate::tangent::method::{Difference, Factors, Form, Perturbation};
+use crate::tangent::method::{Difference, Factors, Form, FrozenMethod, Perturbation};
 use crate::tangent::outcome::{OperatorEvaluation, TangentOutcome};
 use differences::differentiate;
-use protocol::{TangentKind, Tensor4};
+use protocol::Tensor4;
 
 /// Friction that no contact reaches.
 const STICKING_FRICTION: f64 = 1e9;
@@ -61,7 +61,7 @@ impl<S: SolverFor> Trial<'_, S> {
         };
         let outcome = match found {
             Some(operator) => TangentOutcome::exact(operator),
-            None => TangentOutcome { fallback: true, ..evaluate(self.network, TangentKind::TrussLike) },
+            None => TangentOutcome { fallback: true, ..evaluate(self.network, FrozenMethod::TRUSS_LIKE) },
         };
         OperatorEvaluation { outcome, force_evaluations }
     }
