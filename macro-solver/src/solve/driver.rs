@@ -252,7 +252,7 @@ impl<'a> Solver<'a> {
         self.committed_balance.clone_from(&self.balance);
         session.material.rollback();
         self.points.forget_trials();
-        let ratio = start.ratio(self.stage().tolerances.criteria.force.unwrap_or_default());
+        let ratio = start.force_ratio(&self.stage().tolerances);
         let converged = if ratio <= self.stage().tolerances.force {
             Converged {
                 increment: still,

@@ -22,7 +22,7 @@ impl Solver<'_> {
         let still = self.body.zero();
         let norms = self.balance_at(&still, target, TangentKind::None, session)?;
         let tolerances = &self.stage().tolerances;
-        let force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
+        let force_ratio = norms.force_ratio(tolerances);
         if force_ratio > tolerances.force {
             return Ok(None);
         }

@@ -242,7 +242,7 @@ impl Solver<'_> {
         let mut report = self.next_report(&mut attempt);
         let norms = self.evaluate(&attempt.iterate, attempt.load, session)?;
         report.evaluations = norms.evaluations;
-        report.force_ratio = norms.ratio(self.stage().tolerances.criteria.force.unwrap_or_default());
+        report.force_ratio = norms.force_ratio(&self.stage().tolerances);
         let (correction, _) = self.correction_of(&attempt)?;
         let measures = self.convergence_measures(report.force_ratio, &attempt.iterate, &correction, full_step);
         report.displacement_ratio = Some(measures.displacement);
@@ -358,7 +358,7 @@ impl Solver<'_> {
         };
         report.evaluations = norms.evaluations;
         let tolerances = &self.stage().tolerances;
-        report.force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
+        report.force_ratio = norms.force_ratio(tolerances);
         let settled = tolerances.force * norms.scale;
         if attempt.globalisation.accepts(joined, norms.residual, settled) {
             self.tangents.judge(norms.residual, report.force_ratio);

@@ -2,7 +2,7 @@
 
 use crate::model::assembly::balance::Balance;
 use crate::model::constraints::Constraints;
-use crate::problem::ForceMeasure;
+use crate::problem::{ForceMeasure, Tolerances};
 use crate::solve::linear_solver::norm;
 
 /// Relative displacement whose force is the least that reactions are taken for: it keeps round-off from looking like imbalance where they vanish.
@@ -44,6 +44,12 @@ impl ResidualNorms {
             scale: reactions.max(norm(&balance.external)).max(least),
             reactions: reactions.max(least),
         }
+    }
+
+    /// Out-of-balance over the forces that the criteria of a stage name. A stage whose criteria leave the forces out reports the ratio
+    /// too, and iterations that grow are recognised by it: it is then that of the default measure.
+    pub(in crate::solve) fn force_ratio(&self, tolerances: &Tolerances) -> f64 {
+        self.ratio(tolerances.criteria.force.unwrap_or_default())
     }
 
     /// Out-of-balance over the forces that a measure names.

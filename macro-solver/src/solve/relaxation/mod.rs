@@ -71,6 +71,7 @@ impl Solver<'_> {
         let mut last = String::new();
         let mut change = self.body.zero();
         let mut before = self.body.zero();
+        let relative = |change: &[f64], iterate: &[f64]| norm(change) / norm(iterate).max(f64::MIN_POSITIVE);
         for iteration in 1..=settings.max_iterations {
             self.statistics.iterations += 1;
             let norms = self.evaluate_forces(&iterate, load, session)?;
@@ -93,7 +94,7 @@ impl Solver<'_> {
                 return Err(Failure::Attempt(format!("the motion grew without bound in iteration {iteration}")));
             }
             if iteration > 1 && relaxation.is_settled(force_ratio, tolerance) {
-                let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
+                let displacement_ratio = relative(&change, &iterate);
                 self.report_iteration(load, iteration, norms.evaluations, force_ratio, displacement_ratio, session);
                 return Ok(Converged {
                     increment: iterate,
@@ -107,11 +108,11 @@ impl Solver<'_> {
             }
             headway.note(iteration, force_ratio, &iterate);
             if settings.form == RelaxationForm::Corrected && headway.has_ended(iteration) {
-                let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
+                let displacement_ratio = relative(&change, &iterate);
                 return self.best_of(headway, iteration, displacement_ratio, load, session);
             }
             if iteration % REPORT_EVERY == 0 {
-                let displacement_ratio = norm(&change) / norm(&iterate).max(f64::MIN_POSITIVE);
+                let displacement_ratio = relative(&change, &iterate);
                 self.report_iteration(load, iteration, norms.evaluations, force_ratio, displacement_ratio, session);
             }
             let ratio = relaxation.step_ratio();

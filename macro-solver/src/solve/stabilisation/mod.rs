@@ -367,7 +367,7 @@ impl Solver<'_> {
         let after = self.constraints.restrict(&self.balance.residual());
         let growth = norm(&after) / norm(&trial.residual);
         let tolerances = &self.stage().tolerances;
-        let force_ratio = norms.ratio(tolerances.criteria.force.unwrap_or_default());
+        let force_ratio = norms.force_ratio(tolerances);
         (report.evaluations, report.force_ratio) = (norms.evaluations, force_ratio);
         let goes_too_far =
             growth > LARGEST_GROWTH && force_ratio > tolerances.force && path.rejections < MAX_REJECTIONS;
