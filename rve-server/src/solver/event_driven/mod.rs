@@ -25,16 +25,17 @@ use account::{Spent, book};
 use attempt::{Workspace, attempt};
 use protocol::RveError;
 
-/// The solver with its working memory and the relaxation that it hands over to.
+/// Relaxation that marks every answer to a motion as handed over: all of this solver for grains or laws without linear responses.
 #[derive(Debug)]
-struct EventDriven<S: Space> {
+struct HandsOver<S: Space> {
     relaxation: Box<dyn GrainSolver<S>>,
 }
 
-/// The same for discs with linear springs and friction.
+/// The solver for discs with linear springs and friction, with its working memory.
 #[derive(Debug)]
 struct EventDrivenDiscs {
-    relaxation: Box<dyn GrainSolver<Discs>>,
+    /// Answers what this solver does not, and tells the state of the grains.
+    rest: HandsOver<Discs>,
     law: PlainLinear,
     work: Workspace,
     /// Without them everything is handed over.
@@ -50,8 +51,8 @@ pub(super) fn for_discs(contact: &ContactTable) -> Result<Box<dyn GrainSolver<Di
         return for_others(contact);
     }
     let law = contact.plain_linear()?;
-    let relaxation = relaxation::for_contact(contact)?;
-    Ok(Box::new(EventDrivenDiscs { relaxation, law, work: Workspace::default(), responses: None }))
+    let rest = HandsOver::for_contact(contact)?;
+    Ok(Box::new(EventDrivenDiscs { rest, law, work: Workspace::default(), responses: None }))
 }
 
 /// The solver for grains or laws without linear responses: it hands everything over, and says so.
@@ -61,7 +62,7 @@ pub(super) fn for_discs(contact: &ContactTable) -> Result<Box<dyn GrainSolver<Di
 pub(super) fn for_others<S: Space<Kernel: ContactLaws>>(
     contact: &ContactTable,
 ) -> Result<Box<dyn GrainSolver<S>>, DefinitionError> {
-    Ok(Box::new(EventDriven { relaxation: relaxation::for_contact(contact)? }))
+    Ok(Box::new(HandsOver::for_contact(contact)?))
 }
 
 /// Whether a job asks for a motion; others are mere evaluations.
@@ -69,20 +70,33 @@ fn moves<S: Space>(job: &SolveJob<'_, S>) -> bool {
     job.ramp_steps > 0
 }
 
-/// Marks an answer of relaxation.
-fn handed_over<S: Space>(job: &SolveJob<'_, S>, end: Result<End<S>, RveError>) -> Result<End<S>, RveError> {
-    end.map(|mut end| {
-        if moves(job) {
-            end.solved.answered_by = AnsweredBy::HandedOver;
-        }
-        end
-    })
+impl<S: Space> HandsOver<S> {
+    /// # Errors
+    /// A table that is not valid.
+    fn for_contact(contact: &ContactTable) -> Result<Self, DefinitionError>
+    where
+        S: Space<Kernel: ContactLaws>,
+    {
+        Ok(Self { relaxation: relaxation::for_contact(contact)? })
+    }
+
+    /// One with working memory of its own.
+    fn another(&self) -> Self {
+        Self { relaxation: self.relaxation.new_instance() }
+    }
 }
 
-impl<S: Space> GrainSolver<S> for EventDriven<S> {
+impl<S: Space> GrainSolver<S> for HandsOver<S> {
     fn solve(&mut self, model: &GrainModel, jobs: &[SolveJob<'_, S>]) -> Vec<Result<End<S>, RveError>> {
-        let ends = self.relaxation.solve(model, jobs);
-        jobs.iter().zip(ends).map(|(job, end)| handed_over(job, end)).collect()
+        let mut ends = self.relaxation.solve(model, jobs);
+        for (end, job) in ends.iter_mut().zip(jobs) {
+            if let Ok(end) = end
+                && moves(job)
+            {
+                end.solved.answered_by = AnsweredBy::HandedOver;
+            }
+        }
+        ends
     }
 
     fn network(&self, model: &GrainModel, end: &End<S>) -> ContactNetwork<S> {
@@ -102,29 +116,28 @@ impl<S: Space> GrainSolver<S> for EventDriven<S> {
     }
 
     fn new_instance(&self) -> Box<dyn GrainSolver<S>> {
-        Box::new(Self { relaxation: self.relaxation.new_instance() })
+        Box::new(self.another())
     }
 }
 
 impl GrainSolver<Discs> for EventDrivenDiscs {
     fn solve(&mut self, model: &GrainModel, jobs: &[SolveJob<'_, Discs>]) -> Vec<Result<End<Discs>, RveError>> {
         let mut ends: Vec<Option<Result<End<Discs>, RveError>>> = Vec::with_capacity(jobs.len());
-        let (mut rest, mut memories) = (Vec::new(), Vec::new());
+        let (mut others, mut memories) = (Vec::new(), Vec::new());
         for job in jobs {
             let mut memory = job.state.events.as_deref().cloned().unwrap_or_default();
             let mut spent = Spent::default();
             let answer = self.answer(model, job, &mut memory, &mut spent);
             if answer.is_none() {
                 memory.response = None;
-                rest.push(*job);
+                others.push(*job);
                 memories.push((memory, spent));
             }
             ends.push(answer.map(Ok));
         }
-        let mut relaxed = self.relaxation.solve(model, &rest).into_iter().zip(&rest).zip(memories);
+        let mut relaxed = self.rest.solve(model, &others).into_iter().zip(&others).zip(memories);
         for end in ends.iter_mut().filter(|end| end.is_none()) {
             *end = relaxed.next().map(|((end, job), (memory, spent))| {
-                let end = handed_over(job, end);
                 end.map(|mut end| {
                     end.solved.force_evaluations += u64::from(spent.evaluations.unsigned_abs());
                     end.state.events = moves(job).then(|| Box::new(memory));
@@ -136,19 +149,19 @@ impl GrainSolver<Discs> for EventDrivenDiscs {
     }
 
     fn network(&self, model: &GrainModel, end: &End<Discs>) -> ContactNetwork<Discs> {
-        self.relaxation.network(model, end)
+        self.rest.network(model, end)
     }
 
     fn elastic_energy(&self, model: &GrainModel, state: &GrainState<Discs>) -> f64 {
-        self.relaxation.elastic_energy(model, state)
+        self.rest.elastic_energy(model, state)
     }
 
     fn use_lanes(&mut self, uses_lanes: bool) {
-        self.relaxation.use_lanes(uses_lanes);
+        self.rest.use_lanes(uses_lanes);
     }
 
     fn count_energies(&mut self, counts: bool) {
-        self.relaxation.count_energies(counts);
+        self.rest.count_energies(counts);
     }
 
     fn use_responses(&mut self, responses: Box<dyn LinearResponses>) {
@@ -157,12 +170,7 @@ impl GrainSolver<Discs> for EventDrivenDiscs {
 
     fn new_instance(&self) -> Box<dyn GrainSolver<Discs>> {
         let responses = self.responses.as_ref().map(|responses| responses.new_instance());
-        Box::new(Self {
-            relaxation: self.relaxation.new_instance(),
-            law: self.law,
-            work: Workspace::default(),
-            responses,
-        })
+        Box::new(Self { rest: self.rest.another(), law: self.law, work: Workspace::default(), responses })
     }
 }
 
