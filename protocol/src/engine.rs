@@ -149,7 +149,9 @@ impl TrialFlags {
     /// The step cap ended the relaxation before the criterion was met; the stress is the best available. How far it got:
     /// the whole strain, [`Cost::ramp_steps`], [`Scalars::unbalanced_force_ratio`], [`Cost::force_evaluations`].
     pub const NOT_EQUILIBRATED: Self = Self(1);
-    /// The requested tangent was singular or not finite and the uniform-strain operator was returned instead.
+    /// The requested tangent was not found and another one was returned instead: the uniform-strain operator
+    /// [`Kruyt`](TangentKind::Kruyt) where an operator of the network was singular, not finite or not credible;
+    /// [`TrussLike`](TangentKind::TrussLike) where a perturbation failed or did not come to rest.
     pub const TANGENT_FALLBACK: Self = Self(2);
     /// A network tangent needed a diagonal shift to be solvable.
     pub const TANGENT_REGULARISED: Self = Self(4);

@@ -125,7 +125,7 @@ pub struct Statistics {
 pub struct FlagCounts {
     /// The relaxation ended at its step cap.
     pub not_equilibrated: u64,
-    /// The uniform-strain tangent replaced the requested one.
+    /// Another tangent replaced the requested one: that of uniform strain, or `truss_like` for operators by perturbation.
     pub tangent_fallback: u64,
     /// The network tangent needed a diagonal shift.
     pub tangent_regularised: u64,

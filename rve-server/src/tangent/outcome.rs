@@ -7,7 +7,8 @@ use protocol::Tensor4;
 pub struct TangentOutcome {
     /// `d sigma_ij / d F_kl`, Pa.
     pub operator: Tensor4,
-    /// Whether the operator requested failed and the uniform-strain operator stands in its place.
+    /// Whether the operator requested failed and another stands in its place: the uniform-strain operator, or the truss-like one
+    /// for operators by perturbation.
     pub fallback: bool,
     /// Whether mechanisms of the network had to be held by a small stiffness of their own.
     pub regularised: bool,
