@@ -145,33 +145,37 @@ pub struct Cost {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TrialFlags(pub u32);
 
-impl TrialFlags {
-    /// The step cap ended the relaxation before the criterion was met; the stress is the best available. How far it got:
-    /// the whole strain, [`Cost::ramp_steps`], [`Scalars::unbalanced_force_ratio`], [`Cost::force_evaluations`].
-    pub const NOT_EQUILIBRATED: Self = Self(1);
-    /// The requested tangent was not found and another one was returned instead: the uniform-strain operator
-    /// [`Kruyt`](TangentKind::Kruyt) where an operator of the network was singular, not finite or not credible;
-    /// [`TrussLike`](TangentKind::TrussLike) where a perturbation failed or did not come to rest.
-    pub const TANGENT_FALLBACK: Self = Self(2);
-    /// A network tangent needed a diagonal shift to be solvable.
-    pub const TANGENT_REGULARISED: Self = Self(4);
-    /// An overlap exceeded 10 % of a grain diameter: units or stiffness are probably wrong.
-    pub const LARGE_OVERLAP: Self = Self(8);
-    /// No load-bearing contacts: the cell has come apart, or what forces are left in it are a vanishing share of what it once
-    /// carried and in no balance. The stress is that of the forces left, the stiffness zero.
-    pub const NO_LOAD_BEARING_CONTACTS: Self = Self(16);
-    /// The result equals the committed state because the target was exactly zero; nothing was solved.
-    pub const SKIPPED_NULL_TARGET: Self = Self(32);
-    /// The relaxation made no headway and went on with another damping. The answer is as good as any other unless
-    /// [`NOT_EQUILIBRATED`](Self::NOT_EQUILIBRATED) is set too.
-    pub const DAMPING_CHANGED: Self = Self(64);
-    /// The event-driven solver answered by the stored linear response of the state: no contact changed its mode.
-    pub const ELASTIC_INCREMENT: Self = Self(128);
-    /// The event-driven solver answered by new linear responses, because contacts changed their modes or none was stored.
-    pub const EVENT_INCREMENT: Self = Self(256);
-    /// The event-driven solver did not apply, found no answer or would not pay, and relaxation answered.
-    pub const HANDED_OVER: Self = Self(512);
+crate::keyword::bits! {
+    TrialFlags {
+        /// The step cap ended the relaxation before the criterion was met; the stress is the best available. How far it got:
+        /// the whole strain, [`Cost::ramp_steps`], [`Scalars::unbalanced_force_ratio`], [`Cost::force_evaluations`].
+        NOT_EQUILIBRATED = 1 => "not_equilibrated",
+        /// The requested tangent was not found and another one was returned instead: the uniform-strain operator
+        /// [`Kruyt`](TangentKind::Kruyt) where an operator of the network was singular, not finite or not credible;
+        /// [`TrussLike`](TangentKind::TrussLike) where a perturbation failed or did not come to rest.
+        TANGENT_FALLBACK = 2 => "tangent_fallback",
+        /// A network tangent needed a diagonal shift to be solvable.
+        TANGENT_REGULARISED = 4 => "tangent_regularised",
+        /// An overlap exceeded 10 % of a grain diameter: units or stiffness are probably wrong.
+        LARGE_OVERLAP = 8 => "large_overlap",
+        /// No load-bearing contacts: the cell has come apart, or what forces are left in it are a vanishing share of what it once
+        /// carried and in no balance. The stress is that of the forces left, the stiffness zero.
+        NO_LOAD_BEARING_CONTACTS = 16 => "no_load_bearing_contacts",
+        /// The result equals the committed state because the target was exactly zero; nothing was solved.
+        SKIPPED_NULL_TARGET = 32 => "skipped_null_target",
+        /// The relaxation made no headway and went on with another damping. The answer is as good as any other unless
+        /// [`NOT_EQUILIBRATED`](Self::NOT_EQUILIBRATED) is set too.
+        DAMPING_CHANGED = 64 => "damping_changed",
+        /// The event-driven solver answered by the stored linear response of the state: no contact changed its mode.
+        ELASTIC_INCREMENT = 128 => "elastic_increment",
+        /// The event-driven solver answered by new linear responses, because contacts changed their modes or none was stored.
+        EVENT_INCREMENT = 256 => "event_increment",
+        /// The event-driven solver did not apply, found no answer or would not pay, and relaxation answered.
+        HANDED_OVER = 512 => "handed_over",
+    }
+}
 
+impl TrialFlags {
     /// All flags that say how an answer was found and nothing about its quality.
     pub const COURSE: Self = Self(Self::ELASTIC_INCREMENT.0 | Self::EVENT_INCREMENT.0 | Self::HANDED_OVER.0);
 

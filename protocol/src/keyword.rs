@@ -1,4 +1,4 @@
-//! Enums whose variants people choose by a word.
+//! Enums whose variants people choose by a word, and sets of bits with a word for each.
 
 use thiserror::Error;
 
@@ -38,10 +38,33 @@ macro_rules! keywords {
     };
 }
 
+/// The bits of a set, each stated once: its constant, its number on the wire and its word in the wire layout. The list of all of them
+/// (`NAMED`) cannot leave one out.
+macro_rules! bits {
+    ($set:ident { $($(#[$note:meta])* $name:ident = $bit:literal => $word:literal),+ $(,)? }) => {
+        impl $set {
+            $($(#[$note])* pub const $name: Self = Self($bit);)+
+
+            /// Every bit with its word in the wire layout, in the order of their numbers.
+            pub const NAMED: [(Self, &'static str); [$($bit),+].len()] = [$((Self::$name, $word)),+];
+        }
+    };
+}
+pub(crate) use bits;
+
 #[cfg(test)]
 mod tests {
-    use crate::TangentKind;
     use crate::transport::shared_memory::Waiting;
+    use crate::{Observables, TangentKind, TrialFlags};
+
+    #[test]
+    fn bits_are_counted_up_from_the_lowest() {
+        let numbers = |bits: &[u32]| bits.iter().enumerate().all(|(place, bit)| *bit == 1 << place);
+        assert!(numbers(&TrialFlags::NAMED.map(|(flag, _)| flag.0)));
+        let observables = Observables::NAMED.map(|(observable, _)| observable);
+        assert!(numbers(&observables.map(|observable| observable.0)));
+        assert_eq!(observables.into_iter().fold(Observables::NONE, Observables::union), Observables::ALL);
+    }
 
     #[test]
     fn words_lead_back_to_their_variants_and_are_those_of_files() {

@@ -53,28 +53,9 @@ pub fn wire_layout() -> Value {
             "need_state": ReplyStatus::NeedState as u32,
             "need_definition": ReplyStatus::NeedDefinition as u32,
         },
-        "tangents": TangentKind::ALL.iter().map(|kind| (kind.keyword().to_owned(), json!(*kind as u32)))
-            .collect::<serde_json::Map<_, _>>(),
-        "flags": {
-            "not_equilibrated": TrialFlags::NOT_EQUILIBRATED.0,
-            "tangent_fallback": TrialFlags::TANGENT_FALLBACK.0,
-            "tangent_regularised": TrialFlags::TANGENT_REGULARISED.0,
-            "large_overlap": TrialFlags::LARGE_OVERLAP.0,
-            "no_load_bearing_contacts": TrialFlags::NO_LOAD_BEARING_CONTACTS.0,
-            "skipped_null_target": TrialFlags::SKIPPED_NULL_TARGET.0,
-            "damping_changed": TrialFlags::DAMPING_CHANGED.0,
-            "elastic_increment": TrialFlags::ELASTIC_INCREMENT.0,
-            "event_increment": TrialFlags::EVENT_INCREMENT.0,
-            "handed_over": TrialFlags::HANDED_OVER.0,
-        },
-        "observables": {
-            "first_piola": Observables::FIRST_PIOLA.0,
-            "coordination_no_rattlers": Observables::COORDINATION_NO_RATTLERS.0,
-            "fabric": Observables::FABRIC.0,
-            "sliding_fraction": Observables::SLIDING_FRACTION.0,
-            "energy": Observables::ENERGY.0,
-            "rotation": Observables::ROTATION.0,
-        },
+        "tangents": numbers(&TangentKind::ALL.map(|kind| (kind as u32, kind.keyword()))),
+        "flags": numbers(&TrialFlags::NAMED.map(|(flag, word)| (flag.0, word))),
+        "observables": numbers(&Observables::NAMED.map(|(observable, word)| (observable.0, word))),
         "header": structure!(FrameHeader { magic: u32, version: u32, kind: u32, count: u32, length: u64, sender: u64 }),
         "job": structure!(TrialJob {
             job: u64,
@@ -123,6 +104,11 @@ pub fn wire_layout() -> Value {
             tangent: f64,
         }),
     })
+}
+
+/// Words with their numbers.
+fn numbers(named: &[(u32, &str)]) -> Value {
+    named.iter().map(|(number, word)| ((*word).to_owned(), json!(number))).collect()
 }
 
 #[cfg(test)]

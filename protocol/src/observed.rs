@@ -8,22 +8,27 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Observables(pub u32);
 
+crate::keyword::bits! {
+    Observables {
+        /// First Piola stress relative to the committed state.
+        FIRST_PIOLA = 1 => "first_piola",
+        /// Coordination number without rattlers.
+        COORDINATION_NO_RATTLERS = 2 => "coordination_no_rattlers",
+        /// Contact fabric tensor and its anisotropy.
+        FABRIC = 4 => "fabric",
+        /// Share of contacts at the Coulomb limit.
+        SLIDING_FRACTION = 8 => "sliding_fraction",
+        /// Elastic energy per volume, frictional dissipation per volume and work of numerical damping per volume since the initial state.
+        ENERGY = 16 => "energy",
+        /// Mean grain rotation since the initial state.
+        ROTATION = 32 => "rotation",
+    }
+}
+
 impl Observables {
     /// Nothing beyond the cheap scalars.
     pub const NONE: Self = Self(0);
-    /// First Piola stress relative to the committed state.
-    pub const FIRST_PIOLA: Self = Self(1);
-    /// Coordination number without rattlers.
-    pub const COORDINATION_NO_RATTLERS: Self = Self(2);
-    /// Contact fabric tensor and its anisotropy.
-    pub const FABRIC: Self = Self(4);
-    /// Share of contacts at the Coulomb limit.
-    pub const SLIDING_FRACTION: Self = Self(8);
-    /// Elastic energy per volume, frictional dissipation per volume and work of numerical damping per volume since the initial state.
-    pub const ENERGY: Self = Self(16);
-    /// Mean grain rotation since the initial state.
-    pub const ROTATION: Self = Self(32);
-    /// Everything above.
+    /// Everything.
     pub const ALL: Self = Self(63);
 
     /// Whether all bits of `other` are set.

@@ -152,7 +152,8 @@ pub struct FlagCounts {
 impl FlagCounts {
     /// Counts one answer.
     pub fn add(&mut self, flags: TrialFlags) {
-        let counters = [
+        // The length is that of the list of flags: one that is not counted does not compile.
+        let counters: [(TrialFlags, &mut u64); TrialFlags::NAMED.len()] = [
             (TrialFlags::NOT_EQUILIBRATED, &mut self.not_equilibrated),
             (TrialFlags::TANGENT_FALLBACK, &mut self.tangent_fallback),
             (TrialFlags::TANGENT_REGULARISED, &mut self.tangent_regularised),
@@ -167,5 +168,26 @@ impl FlagCounts {
         for (flag, counter) in counters {
             *counter += u64::from(flags.contains(flag));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flag_has_a_counter_of_its_own() {
+        let numbers = |counts: &FlagCounts| {
+            let fields = serde_json::to_value(counts).unwrap();
+            fields.as_object().unwrap().values().map(|count| count.as_u64().unwrap()).collect::<Vec<_>>()
+        };
+        let mut all = FlagCounts::default();
+        for (flag, word) in TrialFlags::NAMED {
+            let mut counts = FlagCounts::default();
+            counts.add(flag);
+            assert_eq!(numbers(&counts).iter().sum::<u64>(), 1, "{word}");
+            all.add(flag);
+        }
+        assert_eq!(numbers(&all), [1; TrialFlags::NAMED.len()]);
     }
 }
