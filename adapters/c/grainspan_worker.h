@@ -34,9 +34,9 @@ typedef struct grainspan_cell {
     const char *definition;        /* everything, as JSON: packing, contact, options */
 } grainspan_cell;
 
-/* What a trial should deliver beside the stress. */
+/* How a trial is solved, and what it should deliver in addition to the stress. */
 typedef struct grainspan_trial_options {
-    uint32_t tangent;              /* 0: none; others only if the engine declares tangents */
+    uint32_t tangent;              /* reserved; 0: runs find tangents by differences of stresses */
     uint32_t ramp_steps;           /* increments of the deformation; 0: the engine chooses */
     uint32_t observables;          /* bits of optional results, see docs/reference/protocol.md */
     uint32_t reserved;
@@ -61,7 +61,7 @@ typedef struct grainspan_observed {
 /* The answer to a trial; all zero when trial is called. */
 typedef struct grainspan_answer {
     double stress[9];              /* Cauchy stress at the end, Pa */
-    double tangent[81];            /* d sigma_ij / d F_kl, Pa; only if asked for */
+    double tangent[81];            /* reserved; 0: not read */
     double void_ratio;
     double coordination_number;
     double unbalanced_force_ratio;
