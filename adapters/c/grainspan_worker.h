@@ -24,9 +24,10 @@ typedef struct grainspan_cell {
     double periodicity[9];         /* cell vectors, each a row, m */
     const double *centres;         /* three per grain, m */
     const double *radii;           /* one per grain, m */
-    double normal_stiffness;       /* N/m; 0 when modulus is given */
-    double modulus;                /* E of k_n = 2 E R1 R2 / (R1 + R2), Pa; 0 when normal_stiffness is given */
-    double stiffness_ratio;        /* k_t / k_n */
+    double normal_stiffness;       /* N/m; 0 when modulus is given, and with "hertz_mindlin" */
+    double modulus;                /* E of k_n = 2 E R1 R2 / (R1 + R2), Pa; 0 when normal_stiffness is given, and with
+                                    * "hertz_mindlin" */
+    double stiffness_ratio;        /* k_t / k_n; 0 with "hertz_mindlin" */
     double friction;               /* Coulomb coefficient */
     double cohesion;               /* cohesive overlap, m */
     double strain_per_step;        /* largest strain of one ramp step */

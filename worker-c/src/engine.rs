@@ -6,7 +6,10 @@ use protocol::{
     Capabilities, Cost, Definition, DefinitionId, RveEngine, RveError, RveSolver, Scalars, SnapshotKind, TangentKind,
     Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, snapshot,
 };
-use rve_server::definition::{EngineFeature, PackingFile, RveOptions};
+use rve_server::contact::ContactTable;
+use rve_server::definition::{DefinedSpace, EngineFeature, GrainDefinition, PackingFile, RveOptions};
+use rve_server::error::DefinitionError;
+use rve_server::space::{Discs, Spheres};
 use serde_json::Value;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::time::Instant;
@@ -110,7 +113,7 @@ impl RveEngine for ForeignEngine {
     fn create(&mut self, definition: &Definition) -> Result<Box<dyn RveSolver>, RveError> {
         let parts = Parts::read(definition)?;
         let (known, moments) = (PackingFile::VERSION, EngineFeature::RollingMoments.keyword());
-        if parts.version != u64::from(known) && !self.features.iter().any(|word| word == moments) {
+        if parts.version != known && !self.features.iter().any(|word| word == moments) {
             let reason = format!(
                 "engine `{}` reads packings of version {known}, this one is of version {}: take a packing without rolling_moments",
                 self.name, parts.version
@@ -121,8 +124,9 @@ impl RveEngine for ForeignEngine {
             let reason = format!("engine `{}` does not serve {} dimensions", self.name, parts.dimension);
             return Err(RveError::Definition(reason));
         }
-        if !self.laws.contains(&parts.law) {
-            let reason = format!("engine `{}` does not serve the law `{}`", self.name, parts.law);
+        let law = parts.contact.law.keyword();
+        if !self.laws.iter().any(|served| served == law) {
+            let reason = format!("engine `{}` does not serve the law `{law}`", self.name);
             return Err(RveError::Definition(reason));
         }
         let mut reason = [0u8; REASON];
@@ -136,7 +140,10 @@ impl RveEngine for ForeignEngine {
             rve,
             definition: definition.id(),
             dimension: parts.dimension,
-            largest_target: parts.largest_target.map_or(self.largest_target, |given| given.min(self.largest_target)),
+            largest_target: parts
+                .options
+                .largest_target
+                .map_or(self.largest_target, |given| given.min(self.largest_target)),
             has_trial: false,
             engine: self.clone(),
         }))
@@ -294,69 +301,68 @@ impl Drop for ForeignRve {
 
 /// A definition taken apart for C.
 struct Parts {
-    version: u64,
+    /// Version of the packing's file.
+    version: u32,
+    /// 2 or 3.
     dimension: u32,
-    law: String,
+    /// Three per grain, m.
     centres: Vec<f64>,
+    /// m.
     radii: Vec<f64>,
+    /// Cell vectors, each a row, m.
     periodicity: [f64; 9],
+    /// Out of plane, m.
     thickness: f64,
-    contact: Value,
-    accuracy: (f64, f64),
-    largest_target: Option<f64>,
+    contact: ContactTable,
+    options: RveOptions,
+    /// The whole definition as JSON, null entries included.
     text: CString,
 }
 
 impl Parts {
+    /// Reads a definition of either dimension.
+    ///
+    /// # Errors
+    /// [`RveError::Definition`]: bytes that are no definition, or a contact table that lacks what its law needs.
     fn read(definition: &Definition) -> Result<Self, RveError> {
         let value: Value = rmp_serde::from_slice(&definition.bytes)
             .map_err(|error| RveError::Definition(format!("these bytes are not a definition of grains: {error}")))?;
-        let packing = &value["packing"];
-        let lacks = |what: &str| RveError::Definition(format!("the definition has no {what}"));
-        let dimension = packing["dimension"].as_u64().filter(|one| [2, 3].contains(one)).ok_or(lacks("dimension"))?;
-        let version = packing["version"].as_u64().ok_or(lacks("version"))?;
-        let places = dimension as usize;
-        let (mut centres, mut radii) = (Vec::new(), Vec::new());
-        for grain in packing["grains"].as_array().ok_or(lacks("grains"))? {
-            let numbers: Vec<f64> = grain.as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
-            if numbers.len() != places + 1 {
-                let reason = "a grain has another number of coordinates than the packing dimensions";
-                return Err(RveError::Definition(reason.into()));
-            }
-            centres.extend((0..3).map(|axis| if axis < places { numbers[axis] } else { 0.0 }));
-            radii.push(numbers[places]);
+        match value["packing"]["dimension"].as_u64() {
+            Some(2) => Self::of::<Discs>(definition, &value),
+            Some(3) => Self::of::<Spheres>(definition, &value),
+            _ => Err(RveError::Definition("the definition has no dimension".into())),
         }
+    }
+
+    /// Takes a definition apart whose dimension is known. Nothing is wrapped or rounded: an engine gets the numbers of the text.
+    fn of<S: DefinedSpace>(definition: &Definition, text: &Value) -> Result<Self, RveError> {
+        let refused = |error: DefinitionError| RveError::Definition(error.to_string());
+        let GrainDefinition { packing, contact, options } =
+            S::definition_from_bytes(&definition.bytes).map_err(refused)?;
+        contact.validate().map_err(refused)?;
+        let coordinate = |grain: &S::Grain, axis| if axis < S::DIMENSION { S::centre(grain)[axis] } else { 0.0 };
         let mut periodicity = [0.0; 9];
-        for row in 0..places {
-            for column in 0..places {
-                periodicity[3 * row + column] =
-                    packing["periodicity"][row][column].as_f64().ok_or(lacks("periodicity"))?;
+        for row in 0..S::DIMENSION {
+            for column in 0..S::DIMENSION {
+                periodicity[3 * row + column] = packing.periodicity[row][column];
             }
         }
-        let options = match &value["options"] {
-            Value::Null => RveOptions::default(),
-            options => serde_json::from_value::<RveOptions>(options.clone())
-                .map_err(|error| RveError::Definition(format!("the options of the definition: {error}")))?,
-        };
         Ok(Self {
-            version,
-            dimension: dimension as u32,
-            law: value["contact"]["law"].as_str().unwrap_or("linear").to_owned(),
-            centres,
-            radii,
+            version: packing.version,
+            dimension: packing.dimension,
+            centres: packing.grains.iter().flat_map(|grain| [0, 1, 2].map(|axis| coordinate(grain, axis))).collect(),
+            radii: packing.grains.iter().map(S::radius).collect(),
             periodicity,
-            thickness: packing["thickness"].as_f64().unwrap_or(1.0),
-            contact: value["contact"].clone(),
-            accuracy: (options.strain_per_step(), options.tolerance()),
-            largest_target: options.largest_target,
-            text: CString::new(value.to_string())
+            thickness: packing.thickness,
+            contact,
+            options,
+            text: CString::new(text.to_string())
                 .map_err(|_| RveError::Definition("the definition holds a null byte".into()))?,
         })
     }
 
-    /// As the header describes it; borrows from `self`.
+    /// As the header describes it, with 0 for the numbers that the law does not have; borrows from `self`.
     fn cell(&self) -> Cell {
-        let number = |key: &str| self.contact[key].as_f64().unwrap_or(0.0);
         Cell {
             dimension: self.dimension,
             grains: u32::try_from(self.radii.len()).unwrap_or(u32::MAX),
@@ -364,13 +370,13 @@ impl Parts {
             periodicity: self.periodicity,
             centres: self.centres.as_ptr(),
             radii: self.radii.as_ptr(),
-            normal_stiffness: number("normal_stiffness"),
-            modulus: number("modulus"),
-            stiffness_ratio: number("stiffness_ratio"),
-            friction: number("friction"),
-            cohesion: number("cohesion"),
-            strain_per_step: self.accuracy.0,
-            tolerance: self.accuracy.1,
+            normal_stiffness: self.contact.normal_stiffness.unwrap_or(0.0),
+            modulus: self.contact.modulus.unwrap_or(0.0),
+            stiffness_ratio: self.contact.stiffness_ratio.unwrap_or(0.0),
+            friction: self.contact.friction,
+            cohesion: self.contact.cohesion,
+            strain_per_step: self.options.strain_per_step(),
+            tolerance: self.options.tolerance(),
             definition: self.text.as_ptr(),
         }
     }
@@ -385,4 +391,84 @@ fn list(text: Option<String>) -> Vec<String> {
 fn words(buffer: &[u8]) -> String {
     let text: Vec<u8> = buffer.iter().copied().take_while(|byte| *byte != 0).collect();
     if text.is_empty() { "no reason given".to_owned() } else { String::from_utf8_lossy(&text).into_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn definition(value: &Value) -> Definition {
+        Definition { bytes: rmp_serde::to_vec_named(value).unwrap() }
+    }
+
+    /// Two discs, with the keys that no definition may lack.
+    fn discs() -> Value {
+        json!({
+            "packing": {
+                "format": "grainspan-packing", "version": 1, "dimension": 2,
+                "periodicity": [[2.0, 0.0], [0.5, 1.0]],
+                "grains": [[0.5, 0.25, 0.125], [1.5, -0.25, 0.25]],
+            },
+            "contact": { "modulus": 1e8, "stiffness_ratio": 0.5, "friction": 0.3 },
+        })
+    }
+
+    fn refusal(value: &Value) -> String {
+        Parts::read(&definition(value)).err().unwrap().to_string()
+    }
+
+    #[test]
+    fn plane_definitions_are_handed_on_in_space() {
+        let parts = Parts::read(&definition(&discs())).unwrap();
+        assert_eq!(parts.centres, [0.5, 0.25, 0.0, 1.5, -0.25, 0.0]);
+        assert_eq!(parts.radii, [0.125, 0.25]);
+        assert_eq!(parts.periodicity, [2.0, 0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0]);
+        let cell = parts.cell();
+        assert_eq!((cell.dimension, cell.grains, cell.thickness), (2, 2, 1.0));
+        assert_eq!([cell.modulus, cell.stiffness_ratio, cell.friction], [1e8, 0.5, 0.3]);
+        assert_eq!([cell.normal_stiffness, cell.cohesion], [0.0, 0.0]);
+        let usual = RveOptions::default();
+        assert_eq!([cell.strain_per_step, cell.tolerance], [usual.strain_per_step(), usual.tolerance()]);
+    }
+
+    #[test]
+    fn spheres_have_three_coordinates() {
+        let mut value = discs();
+        value["packing"]["dimension"] = json!(3);
+        value["packing"]["periodicity"] = json!([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]);
+        value["packing"]["grains"] = json!([[0.5, 0.25, 0.75, 0.125]]);
+        value["contact"] =
+            json!({ "law": "hertz_mindlin", "shear_modulus": 29e9, "poisson_ratio": 0.2, "friction": 0.5 });
+        let parts = Parts::read(&definition(&value)).unwrap();
+        assert_eq!((parts.centres, parts.radii), (vec![0.5, 0.25, 0.75], vec![0.125]));
+        assert_eq!(parts.periodicity, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
+        assert_eq!((parts.dimension, parts.contact.law.keyword()), (3, "hertz_mindlin"));
+    }
+
+    #[test]
+    fn the_text_is_the_definition_as_it_came() {
+        let value = discs();
+        let parts = Parts::read(&definition(&value)).unwrap();
+        assert_eq!(parts.text.to_str().unwrap(), value.to_string());
+    }
+
+    #[test]
+    fn nothing_that_is_missing_or_no_number_is_made_up() {
+        let without = |table: &str, key: &str| {
+            let mut value = discs();
+            value[table].as_object_mut().unwrap().remove(key).unwrap();
+            refusal(&value)
+        };
+        assert!(without("contact", "friction").contains("friction"));
+        assert!(without("contact", "modulus").contains("normal_stiffness (N/m) or modulus (Pa) is missing"));
+        assert!(without("contact", "stiffness_ratio").contains("stiffness_ratio"));
+        assert!(without("packing", "dimension").contains("dimension"));
+        assert!(without("packing", "grains").contains("grains"));
+        for grains in [json!([[0.5, 0.5]]), json!([[0.5, "left", 0.5, 0.1]]), json!([[0.5, 0.5, 0.5, 0.1]])] {
+            let mut value = discs();
+            value["packing"]["grains"] = grains;
+            assert!(refusal(&value).contains("not a definition of grains"), "{}", refusal(&value));
+        }
+    }
 }
