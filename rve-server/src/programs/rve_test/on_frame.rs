@@ -1,7 +1,7 @@
 //! RVE tests on a frame: strains prescribed, stresses found by a secant search.
 
 use super::error::{ElementError, SMALLER_STEPS};
-use super::path::{COMPONENTS, Operator, by_gradient, tensor_of};
+use super::path::{COMPONENTS, Matrix, Operator, by_gradient, tensor_of};
 use super::requests::RowRequests;
 use super::row::ElementRow;
 use super::start_check::is_far_from_targets;
@@ -245,7 +245,7 @@ impl Run<'_> {
             if spent.restless == MOST_RESTLESS {
                 break;
             }
-            let row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), &answer, None);
+            let row = ElementRow::new(self.summary.rows, 2, deformation_in_space(&self.deformation), &answer, None);
             if let Some(work) = &mut self.work {
                 work.advance(row.deformation, row.stress, None);
             }
@@ -362,7 +362,7 @@ impl Run<'_> {
     }
 
     fn deliver(&mut self, answer: &TrialResult, control: StressControl, spent: Spent) -> ControlFlow<()> {
-        let mut row = ElementRow::new(self.summary.rows, 2, in_space(&self.deformation), answer, None);
+        let mut row = ElementRow::new(self.summary.rows, 2, deformation_in_space(&self.deformation), answer, None);
         match &mut self.work {
             Some(work) => work.advance(row.deformation, row.stress, None),
             none => *none = Some(PathWork::new(row.deformation, row.stress, 1.0)),
@@ -415,8 +415,14 @@ fn in_plane(table: &Components) -> [Option<f64>; 4] {
     [table.xx, table.xy, table.yx, table.yy]
 }
 
-/// The plane tensor with a unit component out of the plane.
-fn in_space(tensor: &Plane) -> [[f64; 3]; 3] {
-    let [[xx, xy], [yx, yy]] = *tensor;
+/// A deformation gradient of the plane in space, where nothing is stretched out of the plane.
+fn deformation_in_space(deformation: &Plane) -> Matrix {
+    let [[xx, xy], [yx, yy]] = *deformation;
     [[xx, xy, 0.0], [yx, yy, 0.0], [0.0, 0.0, 1.0]]
+}
+
+/// A displacement gradient or a stress (Pa) of the plane in space: zero out of the plane.
+fn in_space(tensor: &Plane) -> Matrix {
+    let [[xx, xy], [yx, yy]] = *tensor;
+    [[xx, xy, 0.0], [yx, yy, 0.0], [0.0; 3]]
 }
