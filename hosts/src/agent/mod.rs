@@ -230,15 +230,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         let Some(link) = &self.link else { return };
         let Some((slot, hello)) = self.members.announce(worker, &link.run) else { return };
         let outgoing = Outgoing::control(&hello);
-        self.pass_on(slot, &outgoing);
-    }
-
-    /// Sends a frame of a worker to the macro; returns the number of the message.
-    fn pass_on(&mut self, slot: u32, outgoing: &Outgoing<'_>) {
-        if let Some(link) = &self.link {
-            self.states.count_message();
-            link.send_frame(slot, outgoing);
-        }
+        pass_on(link, &mut self.states, slot, &outgoing);
     }
 
     fn take_from_workers(&mut self, wait: Duration) -> Result<(), AgentError> {
@@ -253,9 +245,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
                         members.leaves(worker);
                     }
                     if let (Some(slot), Some(link)) = (members.slot(worker), link.as_ref()) {
-                        let outgoing = Outgoing::control(&other);
-                        states.count_message();
-                        link.send_frame(slot, &outgoing);
+                        pass_on(link, states, slot, &Outgoing::control(&other));
                     }
                 }
             },
@@ -266,10 +256,7 @@ impl<'a, P: MacroPort> Agent<'a, P> {
                 } else if members.answered(worker, replies) {
                     figures.replies += replies.len() as u64;
                     if let (Some(slot), Some(link)) = (members.slot(worker), link.as_ref()) {
-                        states.count_message();
-                        states.take_replies(replies);
-                        let outgoing = Outgoing::Replies(replies);
-                        link.send_frame(slot, &outgoing);
+                        pass_on(link, states, slot, &Outgoing::Replies(replies));
                     }
                 } else {
                     figures.stale_replies += replies.len() as u64;
@@ -456,6 +443,15 @@ impl<'a, P: MacroPort> Agent<'a, P> {
         // Closes the connection after the last words.
         self.link = None;
     }
+}
+
+/// Sends a frame of the worker with this slot to the macro, and keeps the states that it carries.
+fn pass_on(link: &Link, states: &mut KeptStates, slot: u32, outgoing: &Outgoing<'_>) {
+    states.count_message();
+    if let Outgoing::Replies(replies) = outgoing {
+        states.take_replies(replies);
+    }
+    link.send_frame(slot, outgoing);
 }
 
 /// Whether a reply was damaged between worker and agent. The agent keeps states under the names that replies give them, and hands them
