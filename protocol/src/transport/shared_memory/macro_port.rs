@@ -58,7 +58,7 @@ impl SharedMemoryMacroPort {
     /// # Errors
     /// A [`RunError`] in words, or a refusal of iceoryx2 or the system.
     pub fn create(name: &str, limits: ChannelLimits) -> Result<Self, TransportError> {
-        let mut run = RunDirectory::create(name, limits).map_err(begin)?;
+        let mut run = RunDirectory::create(name, limits).map_err(begin_error)?;
         let empty_files =
             EmptyFileRemoval::start(run.record().prefix.clone()).map_err(system("start the empty_files thread"))?;
         let services = Services::create(run.record())?;
@@ -68,8 +68,8 @@ impl SharedMemoryMacroPort {
         let to_workers =
             services.to_worker.notifier_builder().create().map_err(refused("prepare the workers' wake-ups"))?;
         let watch = Watch::new(&listener)?;
-        run.make_private().map_err(begin)?;
-        run.announce().map_err(begin)?;
+        run.make_private().map_err(begin_error)?;
+        run.announce().map_err(begin_error)?;
         Ok(Self {
             peers: BTreeMap::new(),
             by_sender: BTreeMap::new(),
@@ -374,6 +374,6 @@ impl Drop for SharedMemoryMacroPort {
     }
 }
 
-fn begin(error: RunError) -> TransportError {
+fn begin_error(error: RunError) -> TransportError {
     TransportError::Channel { action: "begin the run", reason: error.to_string() }
 }

@@ -74,9 +74,9 @@ impl SharedMemoryWorkerPort {
                     Ok(port) => return Ok(port),
                     Err(error) => error,
                 },
-                Ok(None) => find("it is still being set up"),
-                Err(error @ (RunError::Name { .. } | RunError::Version { .. })) => return Err(find(error)),
-                Err(error) => find(error),
+                Ok(None) => join_error("it is still being set up"),
+                Err(error @ (RunError::Name { .. } | RunError::Version { .. })) => return Err(join_error(error)),
+                Err(error) => join_error(error),
             };
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 return Err(failure);
@@ -101,11 +101,11 @@ impl SharedMemoryWorkerPort {
 
     fn enter(record: &RunRecord) -> Result<Self, TransportError> {
         if record.is_foreign() {
-            return Err(find("it lives in another PID namespace (another container); start its workers there"));
+            return Err(join_error("it lives in another PID namespace (another container); start its workers there"));
         }
         let _busy = Busy::begin();
         let cleanup = CleanupAfterEnd(record.clone());
-        check_room(WORKER_ROOM).map_err(find)?;
+        check_room(WORKER_ROOM).map_err(join_error)?;
         let services = Services::open(record)?;
         let sender = fresh_number();
         let listener = services
@@ -320,6 +320,6 @@ impl Drop for SharedMemoryWorkerPort {
     }
 }
 
-fn find(reason: impl std::fmt::Display) -> TransportError {
+fn join_error(reason: impl std::fmt::Display) -> TransportError {
     TransportError::Channel { action: "join the run", reason: reason.to_string() }
 }
