@@ -9,6 +9,7 @@ use crate::tensor::{Tensor2, Tensor4};
 use bytemuck::{Pod, Zeroable};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::time::Instant;
 use thiserror::Error;
 
 /// Which tangent operator a trial returns with its stress. Always `C_ijkl = d sigma_ij / d F_kl` with `F` relative to
@@ -139,6 +140,11 @@ pub struct Cost {
     pub solve_nanoseconds: u64,
     /// Time in the tangent operator, ns.
     pub tangent_nanoseconds: u64,
+}
+
+/// Wall time since `start`, ns; `u64::MAX` for times that are longer than it can hold.
+pub fn nanoseconds_since(start: Instant) -> u64 {
+    u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// Shortcuts and fallbacks of a trial; each is counted and shown.

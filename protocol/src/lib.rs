@@ -32,7 +32,7 @@ pub mod wire;
 
 pub use engine::{
     Capabilities, Cost, Definition, MOST_RAMP_STEPS, RveEngine, RveError, RveSolver, Scalars, SnapshotKind,
-    TangentKind, TrialFlags, TrialOptions, TrialRequest, TrialResult, solve_alone,
+    TangentKind, TrialFlags, TrialOptions, TrialRequest, TrialResult, nanoseconds_since, solve_alone,
 };
 pub use identity::{ContentId, DefinitionId, StateId};
 pub use observed::{Observables, Observed, OptionalResult};

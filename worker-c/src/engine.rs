@@ -4,7 +4,7 @@
 use crate::table::{Answer, Cell, EngineTable, TrialOptions};
 use protocol::{
     Capabilities, Cost, Definition, DefinitionId, RveEngine, RveError, RveSolver, Scalars, SnapshotKind, TangentKind,
-    Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, snapshot,
+    Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, nanoseconds_since, snapshot,
 };
 use rve_server::contact::ContactTable;
 use rve_server::definition::{DefinedSpace, EngineFeature, GrainDefinition, PackingFile, RveOptions};
@@ -235,7 +235,7 @@ impl RveSolver for ForeignRve {
             cost: Cost {
                 force_evaluations: answer.force_evaluations,
                 ramp_steps: answer.ramp_steps,
-                solve_nanoseconds: u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX),
+                solve_nanoseconds: nanoseconds_since(begun),
                 tangent_nanoseconds: 0,
             },
             flags: TrialFlags(answer.flags),

@@ -26,7 +26,7 @@ use crate::model::points::Points;
 use crate::observer::{AttemptCost, Convergence, CutBack, Observer, Outcome, Run, Statistics, StepAccuracy};
 use crate::problem::{PathControl, Problem, ProblemError};
 use nalgebra::Matrix3;
-use protocol::TangentKind;
+use protocol::{TangentKind, nanoseconds_since};
 use std::time::Instant;
 
 /// Solves a problem: all its stages, each from load 0 to load 1, counting steps through.
@@ -465,6 +465,6 @@ fn next_fraction(done: f64, size: f64, increments: usize, min: f64) -> f64 {
 pub(super) fn timed<T>(total: &mut u64, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();
-    *total += u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    *total += nanoseconds_since(start);
     result
 }

@@ -8,7 +8,7 @@ use protocol::transport::LoadedReply;
 use protocol::wire::{ReplyStatus, TrialJob, TrialReply};
 use protocol::{
     ContentId, Definition, DefinitionId, RveEngine, RveError, RveSolver, StateId, TrialOptions, TrialRequest,
-    TrialResult,
+    TrialResult, nanoseconds_since,
 };
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -142,7 +142,7 @@ impl<'a> JobRunner<'a> {
         let answers = replies.into_iter().zip(slice);
         let mut replies: Vec<OwnedReply> =
             answers.map(|(answer, (job, _))| answer.unwrap_or_else(|| OwnedReply::failed(job, &missing))).collect();
-        let total = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let total = nanoseconds_since(begin);
         let worked = replies.iter().map(|answer| &answer.reply.cost);
         let worked = worked.fold(0u64, |sum, cost| {
             sum.saturating_add(cost.solve_nanoseconds).saturating_add(cost.tangent_nanoseconds)

@@ -1,6 +1,7 @@
 //! The macro's end: the only server of a run.
 
 use super::empty_file_removal::EmptyFileRemoval;
+use super::polling::{Waits, poll};
 use super::run_directory::{ChannelLimits, RunDirectory, RunError, RunRecord, check_room};
 use super::services::{Listener, Notifier, OpenRequest, Server, Services, message_bytes, port_name};
 use super::waiting::WaitState;
@@ -16,7 +17,7 @@ use rustix::process::{Signal, pidfd_send_signal};
 use std::collections::{BTreeMap, VecDeque};
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// One worker that has said hello.
 struct Peer {
@@ -314,27 +315,23 @@ fn answer(credit: &OpenRequest, length: usize, fill: impl FnOnce(&mut [u8])) -> 
     response.send().map_err(refused("send to a worker"))
 }
 
+impl Waits for SharedMemoryMacroPort {
+    fn look(&mut self, limit: Duration) -> bool {
+        let server = self.server.as_ref().expect("the server lives until drop");
+        // An error shows in the drain that follows.
+        self.wait_state.look(limit, || server.has_requests().unwrap_or(true))
+    }
+
+    fn sleep(&mut self, limit: Duration) -> Result<(), TransportError> {
+        self.watch.wait(limit)?;
+        self.wait_state.has_slept();
+        Ok(())
+    }
+}
+
 impl MacroPort for SharedMemoryMacroPort {
     fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(MacroEvent<'_>)) -> Result<usize, TransportError> {
-        let events = self.drain(sink)?;
-        if events > 0 || wait.is_zero() {
-            return Ok(events);
-        }
-        let end = Instant::now().checked_add(wait);
-        loop {
-            let left = end.map_or(wait, |end| end.saturating_duration_since(Instant::now()));
-            let server = self.server.as_ref().expect("the server lives until drop");
-            // An error shows in the drain that follows.
-            let awake = self.wait_state.look(left, || server.has_requests().unwrap_or(true));
-            if !awake {
-                self.watch.wait(left)?;
-                self.wait_state.has_slept();
-            }
-            let events = self.drain(sink)?;
-            if events > 0 || !awake || left.is_zero() {
-                return Ok(events);
-            }
-        }
+        poll(self, wait, |port| port.drain(sink))
     }
 
     fn send_control(&mut self, worker: WorkerId, message: &ToWorker) -> Result<(), TransportError> {

@@ -18,6 +18,7 @@
 mod empty_file_removal;
 mod gate;
 mod macro_port;
+mod polling;
 mod run_directory;
 pub(crate) mod services;
 mod waiting;

@@ -1,6 +1,7 @@
 //! A worker's end: one client of a run.
 
 use super::gate::{Busy, FirstPart, LastPart};
+use super::polling::{Waits, poll};
 use super::run_directory::{
     CleanupAfterEnd, RunDirectory, RunError, RunRecord, WORKER_ROOM, check_room, fresh_number,
 };
@@ -263,26 +264,22 @@ impl SharedMemoryWorkerPort {
     }
 }
 
+impl Waits for SharedMemoryWorkerPort {
+    fn look(&mut self, limit: Duration) -> bool {
+        let open = &self.open;
+        self.wait_state.look(limit, || open.front().is_some_and(|oldest| oldest.has_response()))
+    }
+
+    fn sleep(&mut self, limit: Duration) -> Result<(), TransportError> {
+        self.watch.wait(limit)?;
+        self.wait_state.has_slept();
+        Ok(())
+    }
+}
+
 impl WorkerPort for SharedMemoryWorkerPort {
     fn poll(&mut self, wait: Duration, sink: &mut dyn FnMut(WorkerEvent<'_>)) -> Result<usize, TransportError> {
-        let events = self.drain(sink)?;
-        if events > 0 || wait.is_zero() {
-            return Ok(events);
-        }
-        let end = Instant::now().checked_add(wait);
-        loop {
-            let left = end.map_or(wait, |end| end.saturating_duration_since(Instant::now()));
-            let open = &self.open;
-            let awake = self.wait_state.look(left, || open.front().is_some_and(|oldest| oldest.has_response()));
-            if !awake {
-                self.watch.wait(left)?;
-                self.wait_state.has_slept();
-            }
-            let events = self.drain(sink)?;
-            if events > 0 || !awake || left.is_zero() {
-                return Ok(events);
-            }
-        }
+        poll(self, wait, |port| port.drain(sink))
     }
 
     fn send_control(&mut self, message: &FromWorker) -> Result<(), TransportError> {

@@ -18,7 +18,7 @@ use crate::tangent::network::NetworkResponses;
 use crate::tangent::{Closeness, Orderings};
 use protocol::{
     ContentId, Cost, Definition, DefinitionId, Observables, RveError, RveSolver, Tensor2, TrialFlags, TrialOptions,
-    TrialRequest, TrialResult, snapshot,
+    TrialRequest, TrialResult, nanoseconds_since, snapshot,
 };
 use std::time::Instant;
 
@@ -445,10 +445,6 @@ fn solver_for<S: SolverFor>(name: SolverName, contact: &ContactTable) -> Result<
 fn checked_target<T: Tensor>(target: &Tensor2) -> Result<T, RveError> {
     protocol::target::check(target, T::DIMENSION)?;
     Ok(of_space(target))
-}
-
-fn nanoseconds_since(started: Instant) -> u64 {
-    u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX)
 }
 
 pub(super) fn refused(error: impl ToString) -> RveError {

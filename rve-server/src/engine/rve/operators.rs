@@ -1,11 +1,11 @@
 //! Tangent operators of the present trial.
 
-use super::{GrainRve, nanoseconds_since};
+use super::GrainRve;
 use crate::solver::SolverFor;
 use crate::tangent::{
     self, Closeness, FrozenMethod, Method, OperatorEvaluation, Perturbation, TangentOutcome, perturbation,
 };
-use protocol::{TangentKind, Tensor4, TrialFlags, TrialResult};
+use protocol::{TangentKind, Tensor4, TrialFlags, TrialResult, nanoseconds_since};
 use std::time::Instant;
 
 impl<S: SolverFor> GrainRve<S> {

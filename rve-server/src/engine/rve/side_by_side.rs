@@ -1,12 +1,13 @@
 //! Several trials of one packing, side by side in lanes.
 
-use super::{GrainRve, Stretch, checked_target, nanoseconds_since};
+use super::{GrainRve, Stretch, checked_target};
 use crate::cell::GrainState;
 use crate::engine::snapshot::opened;
 use crate::solver::{End, SolveJob, SolverFor};
 use crate::space::Space;
 use protocol::{
-    DefinitionId, Observables, RveError, RveSolver, TrialOptions, TrialRequest, TrialResult, solve_alone,
+    DefinitionId, Observables, RveError, RveSolver, TrialOptions, TrialRequest, TrialResult, nanoseconds_since,
+    solve_alone,
 };
 use std::time::Instant;
 

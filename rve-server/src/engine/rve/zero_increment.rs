@@ -1,9 +1,9 @@
 //! Targets of exactly zero: the committed state is the answer. Packings that are not at rest under their law can be brought to rest.
 
-use super::{GrainRve, Trial, View, nanoseconds_since};
+use super::{GrainRve, Trial, View};
 use crate::solver::{PathEnergies, SolverFor, is_far_from_rest};
 use crate::space::Tensor;
-use protocol::{Cost, RveError, TrialFlags, TrialOptions, TrialResult};
+use protocol::{Cost, RveError, TrialFlags, TrialOptions, TrialResult, nanoseconds_since};
 use std::time::Instant;
 
 /// Fewest contacts per grain, each counted at both ends and rattlers left out, of a cell that can come to rest: less holds nothing together.

@@ -19,7 +19,8 @@ use crate::space::plane::{self, Plane};
 use crate::space::{Discs, Space};
 use protocol::{
     Capabilities, Cost, Definition, DefinitionId, Observables, Observed, OptionalResult, RveEngine, RveError,
-    RveSolver, Scalars, SnapshotKind, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult, snapshot,
+    RveSolver, Scalars, SnapshotKind, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult, nanoseconds_since,
+    snapshot,
 };
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -291,7 +292,7 @@ impl FrameRve {
         let cost = Cost {
             force_evaluations: relaxed.force_evaluations,
             ramp_steps: u64::from(relaxed.ramp_steps),
-            solve_nanoseconds: u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX),
+            solve_nanoseconds: nanoseconds_since(started),
             tangent_nanoseconds: 0,
         };
         let f = plane::add_scaled(&plane::IDENTITY, 1.0, h);
