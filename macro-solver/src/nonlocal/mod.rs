@@ -146,7 +146,8 @@ impl NonlocalOperator {
         Ok(operator)
     }
 
-    /// As [`NonlocalOperator::new`], without the check of stability: for studies of what goes wrong.
+    /// As [`NonlocalOperator::new`], without the check of stability: to ask which points have neighbours
+    /// ([`Problem::averages_nothing`](crate::problem::Problem::averages_nothing)), and for studies of what goes wrong.
     ///
     /// # Errors
     /// A number that means nothing.

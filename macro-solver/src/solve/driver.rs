@@ -4,7 +4,9 @@
 //! displacement gradient of the step. Nothing of an iterate survives into the next but displacements: every
 //! evaluation restarts from the committed state, so the accepted state does not depend on the iterations that led to
 //! it, except through the choice of the ramp. Exceptions are steps whose iterations do not contract, which go on from an
-//! iterate that is committed, and stabilised ones. A step is accepted when force and displacement criteria both hold, is cut back when it does not converge, and the run ends with a reason when the smallest step does not.
+//! iterate that is committed, and stabilised ones. A step is accepted when all criteria hold that its stage has chosen
+//! ([`crate::problem::Tolerances`]), is cut back when it does not converge, and the run ends with a reason when the
+//! smallest step does not.
 
 use super::accepted::{AcceptedState, Attempted, Converged, Counters, Followed, LastStep};
 use super::equations::Equations;

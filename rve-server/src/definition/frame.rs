@@ -3,6 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Largest |H| of one trial of a frame, dimensionless.
+pub(crate) const LARGEST_FRAME_TARGET: f64 = 0.2;
+
 /// Boundary conditions of a frame by keyword, from the stiffest to the softest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

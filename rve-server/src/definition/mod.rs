@@ -11,6 +11,7 @@ mod packing_checks;
 pub mod packing_file;
 
 pub use features::EngineFeature;
+pub(crate) use frame::LARGEST_FRAME_TARGET;
 pub use frame::{CellFrame, FrameConstraint, FrameControl};
 pub use listed_contact::ListedContact;
 pub use model::GrainModel;

@@ -1,6 +1,6 @@
 //! The table `[rve]`: how accurately a cell is solved.
 
-use super::frame::{CellFrame, FrameConstraint};
+use super::frame::{CellFrame, FrameConstraint, LARGEST_FRAME_TARGET};
 use super::operator_options::OperatorOptions;
 use crate::error::{DefinitionError, in_declared_ranges};
 use schemars::JsonSchema;
@@ -215,7 +215,7 @@ impl RveOptions {
         if let Some((key, _)) = unknown.into_iter().find(|(_, is_given)| *is_given) {
             return Err(DefinitionError(format!(
                 "rve.{key} does not hold for a frame of boundary grains, whose trials end at max_steps, flagged, and take targets up \
-                 to 0.2; leave it out"
+                 to {LARGEST_FRAME_TARGET}; leave it out"
             )));
         }
         if self.frame.as_ref().is_some_and(|frame| frame.constraint == FrameConstraint::Platens) {

@@ -6,7 +6,7 @@ use super::options::FrameOptions;
 use super::relaxation::{FrameRelaxation, Relaxed};
 use crate::cell::{Cell, ContactNetwork, GrainState};
 use crate::contact::{ContactTable, LawName, PlainLinear, Rotations};
-use crate::definition::{EngineFeature, FrameConstraint, GrainDefinition, PackingFile};
+use crate::definition::{EngineFeature, FrameConstraint, GrainDefinition, LARGEST_FRAME_TARGET, PackingFile};
 use crate::engine::ENGINE_VERSION;
 use crate::error::DefinitionError;
 use crate::homogenization::fabric::{LARGE_OVERLAP_RATIO, anisotropy};
@@ -27,9 +27,6 @@ use std::time::Instant;
 
 /// Name of this engine in snapshots and capabilities.
 pub const FRAME_ENGINE_NAME: &str = "grainspan-frame";
-
-/// Largest |H| of one trial.
-const LARGEST_TARGET: f64 = 0.2;
 
 /// Parts of definitions that it follows. Rolling moments come to nothing without rolling resistance, as they do in periodic cells.
 const FOLLOWED: [EngineFeature; 4] = [
@@ -260,8 +257,8 @@ impl FrameRve {
             _ => plane::polar(h),
         };
         let norm = plane::norm(&strain);
-        if norm > LARGEST_TARGET {
-            return Err(RveError::TargetTooLarge { norm, limit: LARGEST_TARGET });
+        if norm > LARGEST_FRAME_TARGET {
+            return Err(RveError::TargetTooLarge { norm, limit: LARGEST_FRAME_TARGET });
         }
         let ramp_steps = match options.ramp_steps {
             0 => chosen_ramp_steps(&strain, self.options.strain_per_step()),

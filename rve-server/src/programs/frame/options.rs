@@ -205,6 +205,29 @@ impl FrameOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::definition::CellFrame;
+
+    /// The declared default of every numeric key is what the code uses where the key is left out.
+    #[test]
+    fn declared_defaults_are_those_in_force() {
+        let options = FrameOptions::new(FrameConstraint::Periodic);
+        let in_force = [
+            ("energy_tolerance", options.energy_tolerance()),
+            ("max_steps", f64::from(options.max_steps())),
+            ("most_corrections", f64::from(options.most_corrections())),
+            ("strain_per_step", options.strain_per_step()),
+            ("tolerance", options.tolerance()),
+        ];
+        let declared = |table: &keys::Table| {
+            let numeric =
+                table.keys.iter().filter_map(|key| Some((key.name.clone(), key.default.parse::<f64>().ok()?)));
+            numeric.collect::<Vec<_>>()
+        };
+        let expected = in_force.map(|(key, value)| (key.to_owned(), value));
+        assert_eq!(declared(&keys::Table::of::<FrameOptions>()), expected);
+        // The table `[rve] frame` has this one too, and every other accuracy from `[rve]`.
+        assert_eq!(declared(&keys::Table::of::<CellFrame>()), expected[2..3]);
+    }
 
     /// They were read and did nothing.
     #[test]
