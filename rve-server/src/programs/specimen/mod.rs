@@ -31,6 +31,7 @@ mod rows;
 pub mod run;
 #[cfg(test)]
 mod servo_tests;
+mod set_up;
 #[cfg(test)]
 mod shear_tests;
 mod stage;

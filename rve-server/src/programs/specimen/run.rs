@@ -3,17 +3,18 @@
 use super::assembly::{Joinable, assembled, straightened};
 use super::body::Body;
 use super::checkpoint::{Checkpoints, Place};
-use super::dynamics::{Dynamics, GrainSums, Motion};
+use super::dynamics::{Dynamics, GrainSums};
 use super::error::SpecimenError;
 use super::glue_depth::refuse_glue_of_all;
 use super::numbering::numbered_by_position;
 use super::removal::weakened;
 use super::results::{SpecimenEvent, SpecimenRow, SpecimenStart, SpecimenSummary};
+use super::set_up::{SurroundingWalls, drop_springless_histories, in_three_axes, motion_of};
 use super::stage::{Sheared, Stage};
 use super::test_file::SpecimenTest;
 use super::unsupported_grains::UnsupportedGrains;
-use super::wall::{Wall, WallDrive};
-use crate::contact::{ContactLaw, ContactLaws, LawVisitor, Rotations};
+use super::wall::WallDrive;
+use crate::contact::{ContactLaw, ContactLaws, LawVisitor};
 use crate::definition::PackingFile;
 use crate::homogenization::fabric::LARGE_OVERLAP_RATIO;
 use crate::simd::Tuple;
@@ -153,6 +154,7 @@ impl<S: Joinable> LawVisitor<S> for Stages<'_, S> {
     }
 }
 
+/// A test under way.
 pub(super) struct Run<'a, S: Joinable, C: ContactLaw<S>> {
     pub(super) test: &'a SpecimenTest,
     pub(super) dynamics: Dynamics<S, C>,
@@ -164,84 +166,50 @@ pub(super) struct Run<'a, S: Joinable, C: ContactLaw<S>> {
     pub(super) sides: [f64; 3],
     /// Periods at the start, m: what they lean by.
     pub(super) leans: [[f64; 3]; 3],
+    /// Out-of-plane thickness, m; 1, without a unit, in space.
     pub(super) thickness: f64,
+    /// Volume of all grains, m3. Overlaps count twice.
     pub(super) solid: f64,
     /// Counts during the run.
     pub(super) summary: SpecimenSummary,
+    /// Sums over the grains of the latest step; before the first, the largest unbalanced force alone.
     pub(super) last: GrainSums,
+    /// Stage, step and row that the run has come to.
     pub(super) place: Place,
 }
 
 impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
+    /// The start of a test: the packing cut and joined to a specimen, with walls around it and forces evaluated.
+    ///
+    /// # Errors
+    /// A packing that cannot become this specimen, or walls that would hold all of its grains.
     fn new(test: &'a SpecimenTest, packing: &PackingFile<S>, law: C) -> Result<Self, SpecimenError> {
         let periodic = test.periodic_axes(S::DIMENSION)?;
         let upright = test.straighten.then(|| straightened(packing, periodic));
         let whole = assembled(upright.as_ref().unwrap_or(packing), &test.tiles, test.cut, periodic)?;
         let (weakened, removed) = weakened(whole, &test.region)?;
         let mut assembled = numbered_by_position(weakened);
-        let wall_law = law.with_friction(test.walls.friction);
-        let thickness = packing.thickness;
-        let measure = |radius: f64| S::grain_measure(radius) * if S::DIMENSION == 2 { thickness } else { 1.0 };
-        let masses: Vec<f64> =
-            assembled.grains.iter().map(|grain| test.contact.density * measure(grain.radius)).collect();
-        let solid = assembled.grains.iter().map(|grain| measure(grain.radius)).sum();
-        let mut sides = assembled.sides;
-        let mut walls = Vec::new();
-        let mut numbers = [None; 3];
-        for axis in (0..S::DIMENSION).filter(|axis| !periodic[*axis]) {
-            let surfaces = |sign: f64| {
-                let far = |grain: &super::Grain<S>| sign * grain.position.as_ref()[axis] + grain.radius;
-                sign * assembled.grains.iter().map(far).fold(f64::NEG_INFINITY, f64::max)
-            };
-            let (low, high) = (surfaces(-1.0), surfaces(1.0));
-            sides[axis] = high - low;
-            numbers[axis] = Some([walls.len(), walls.len() + 1]);
-            for (place, sign, end) in [(low, 1.0, "low"), (high, -1.0, "high")] {
-                let unit = <S::Coordinates<f64>>::build(|i| if i == axis { 1.0 } else { 0.0 });
-                let name = format!("{} {end}", ["x", "y", "z"][axis]);
-                let drive = WallDrive::Velocity(0.0);
-                walls.push(Wall::new(
-                    &name,
-                    unit.scaled(place),
-                    unit.scaled(sign),
-                    wall_law,
-                    drive,
-                    test.contact.damping,
-                ));
-            }
-        }
+        let thickness = if S::DIMENSION == 2 { packing.thickness } else { 1.0 };
+        let volumes: Vec<f64> =
+            assembled.grains.iter().map(|grain| S::grain_measure(grain.radius) * thickness).collect();
+        let masses = volumes.iter().map(|volume| test.contact.density * volume).collect();
+        let SurroundingWalls { walls, numbers, sides } = SurroundingWalls::of(test, &assembled, periodic, law);
         refuse_glue_of_all(test, &walls, &numbers, &assembled.grains, sides)?;
-        let leans = assembled.periods.map(|period| {
-            let parts = period.map(|period| period.components().to_vec()).unwrap_or_default();
-            std::array::from_fn(|along| parts.get(along).copied().unwrap_or(0.0))
-        });
-        let mut springless = 0;
-        if !test.contact.has_tangential_springs() {
-            // Nothing could ever change them, as in cells.
-            springless = std::mem::take(&mut assembled.histories).len();
-        }
+        let leans = in_three_axes::<S>(&assembled.periods);
+        let springless = drop_springless_histories(test, &mut assembled.histories);
         let mut body = Body::new(law, assembled.grains, masses, test.contact.damping, assembled.periods);
         let histories = assembled.histories.iter();
         let dropped =
             body.adopt(histories.map(|history| (history.contact.key(), move |branch| history.axial(branch))));
-        let motion = Motion {
-            gravity: std::array::from_fn(|axis| test.motion.gravity.get(axis).copied().unwrap_or(0.0)),
-            local_damping: test.motion.local_damping,
-            safety: test.motion.safety,
-            step: test.motion.step,
-            rotations_free: test.contact.rotations == Rotations::Free,
-            scaled_masses: test.motion.scaled_masses,
-        };
-        let dynamics = Dynamics::new(body, walls, motion);
         let mut run = Self {
             test,
-            dynamics,
+            dynamics: Dynamics::new(body, walls, motion_of(test)),
             walls: numbers,
             sheared: test.sheared(),
             sides,
             leans,
-            thickness: if S::DIMENSION == 2 { thickness } else { 1.0 },
-            solid,
+            thickness,
+            solid: volumes.iter().sum(),
             summary: SpecimenSummary::default(),
             last: GrainSums::default(),
             place: Place::default(),
