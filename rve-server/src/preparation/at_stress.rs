@@ -1,6 +1,6 @@
 //! Packings brought from their own stress to another one, so that a body can start with the stress of its depth.
 
-use super::compaction::{Compaction, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, content, rows};
+use super::compaction::{Compaction, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, packing_error, rows};
 use super::progress::ProgressLog;
 use super::rotation::rotated;
 use super::soft_grains::too_soft_for;
@@ -109,7 +109,7 @@ fn along_axis<S: SolverFor>(
     let definition =
         GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
     let answer = GrainRve::<S>::new(&definition).and_then(|mut cell| cell.observe(Observables::NONE));
-    let own = symmetric(&rows(&answer.map_err(content)?.stress));
+    let own = symmetric(&rows(&answer.map_err(packing_error)?.stress));
     let end = target::<S>(stress)?;
     if let Some(reason) = too_soft_for(packing, contact, end.pressure) {
         return Err(PackingError::Content(reason));

@@ -1,7 +1,7 @@
 //! Packings weakened by taking random grains out, as in [Liu2015] section 3.4.
 
 use super::at_stress::has_level_vectors;
-use super::compaction::{Compaction, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, content, rows};
+use super::compaction::{Compaction, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, packing_error, rows};
 use super::progress::ProgressLog;
 use super::random_placement::chosen;
 use super::recipe::Removal;
@@ -105,7 +105,7 @@ fn at_its_stress<S: SolverFor>(
         }
         Ok(answer)
     });
-    let stress = rows(&answer.map_err(content)?.stress);
+    let stress = rows(&answer.map_err(packing_error)?.stress);
     let symmetric: Vec<Vec<f64>> =
         (0..S::DIMENSION).map(|i| (0..S::DIMENSION).map(|j| 0.5 * (stress[i][j] + stress[j][i])).collect()).collect();
     let target = StressTarget::from_rows(&symmetric, S::DIMENSION)?;

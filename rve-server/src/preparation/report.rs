@@ -1,6 +1,6 @@
 //! The acceptance report: requirements against the values reached, measured on the packing as written.
 
-use super::compaction::{content, rows};
+use super::compaction::{packing_error, rows};
 use super::friction_search::FrictionAttempt;
 use super::preshear::{ShearAttempt, anisotropy_of};
 use super::recipe::{PackingRecipe, StateQuantity};
@@ -120,8 +120,8 @@ pub(crate) fn measured<S: SolverFor>(
 ) -> Result<PackingReport, PackingError> {
     let definition =
         GrainDefinition { packing: packing.clone(), contact: contact.clone(), options: RveOptions::default() };
-    let mut cell = GrainRve::<S>::new(&definition).map_err(content)?;
-    let answer = cell.observe(Observables::ALL).map_err(content)?;
+    let mut cell = GrainRve::<S>::new(&definition).map_err(packing_error)?;
+    let answer = cell.observe(Observables::ALL).map_err(packing_error)?;
     let (stress, fabric) = (rows(&answer.stress), rows(&answer.observed.fabric));
     let mut report = PackingReport {
         dimension: target.dimension,

@@ -180,12 +180,12 @@ impl GrainWriter {
     ) -> Result<Self, StopRequest> {
         let folder = folder.join("grains");
         if plan.has_fields() && !chosen.is_empty() {
-            fs::create_dir_all(&folder).map_err(|source| stop(OutputError::write(&folder, source)))?;
+            fs::create_dir_all(&folder).map_err(|source| stop_request(OutputError::write(&folder, source)))?;
         }
         let mut renderers = BTreeMap::new();
         for &point in chosen {
             let definition = &materials.definitions[materials.made_of[point]];
-            renderers.insert(point, renderer(definition).map_err(stop)?);
+            renderers.insert(point, renderer(definition).map_err(stop_request)?);
         }
         let reference = Reference { stage: from.filter(|stage| *stage > 0), ..Reference::default() };
         Ok(Self { folder, plan: plan.clone(), snapshots, renderers, reference, series: BTreeMap::new() })
@@ -199,12 +199,13 @@ impl GrainWriter {
             let start = self.reference.of(point, &fields.points[point].deformation);
             let (picture, fluctuation) = renderer.draw(start, cell)?;
             let fluctuation = fluctuation.map(|all| Field::vector("displacement_fluctuation", &all));
-            write_grains(&self.folder.join(&names[0]), &picture, fluctuation.into_iter().collect()).map_err(stop)?;
-            write_contacts(&self.folder.join(&names[1]), &picture).map_err(stop)?;
+            write_grains(&self.folder.join(&names[0]), &picture, fluctuation.into_iter().collect())
+                .map_err(stop_request)?;
+            write_contacts(&self.folder.join(&names[1]), &picture).map_err(stop_request)?;
             let folder = &self.folder;
             let series = self.series.entry(point).or_insert_with(|| series_of(folder, point));
             for (series, name) in series.iter_mut().zip(names) {
-                series.add(report.time, name).map_err(stop)?;
+                series.add(report.time, name).map_err(stop_request)?;
             }
         }
         Ok(())
@@ -311,7 +312,7 @@ impl Observer for GrainWriter {
     }
 }
 
-fn stop(reason: impl ToString) -> StopRequest {
+fn stop_request(reason: impl ToString) -> StopRequest {
     StopRequest { reason: reason.to_string() }
 }
 
@@ -352,7 +353,7 @@ impl<S: SolverFor> CellRenderer<S> {
     fn cell(&self, snapshot: &[u8]) -> Result<GrainRve<S>, StopRequest> {
         let mut cell = self.0.clone();
         if !snapshot.is_empty() {
-            cell.restore(snapshot).map_err(stop)?;
+            cell.restore(snapshot).map_err(stop_request)?;
         }
         Ok(cell)
     }
@@ -360,12 +361,12 @@ impl<S: SolverFor> CellRenderer<S> {
 
 impl<S: SolverFor> Renderer for CellRenderer<S> {
     fn picture(&self, cell: &CommittedCell) -> Result<CellPicture, StopRequest> {
-        self.cell(&cell.snapshot)?.picture(cell.friction_reduction).map_err(stop)
+        self.cell(&cell.snapshot)?.picture(cell.friction_reduction).map_err(stop_request)
     }
 
     fn draw(&self, start: Option<(&[u8], Tensor2)>, end: &CommittedCell) -> Result<Drawn, StopRequest> {
         let mut cell = self.cell(&end.snapshot)?;
-        let picture = cell.picture(end.friction_reduction).map_err(stop)?;
+        let picture = cell.picture(end.friction_reduction).map_err(stop_request)?;
         let Some((start, deformation)) = start else { return Ok((picture, None)) };
         let deformation = S::Tensor::from_fn(|i, j| deformation.get(i, j));
         let start = self.cell(start)?;

@@ -275,7 +275,7 @@ mod tests {
     fn rows_without_a_number_are_left_out_of_a_mean() {
         let ends = path(&[0.0, 0.1, 0.2, 0.3], &[f64::NAN, 2.0, 4.0, f64::NAN], None);
         assert_eq!(value(&ends, 0, ChosenRows::Mean(0.0, None)), Ok(3.0));
-        assert!(value(&ends, 0, ChosenRows::Mean(0.25, None)).unwrap_err().contains("smoothing"));
+        assert!(value(&ends, 0, ChosenRows::Mean(0.25, None)).unwrap_err().contains("no row in the range"));
     }
 
     #[test]

@@ -104,7 +104,8 @@ fn a_study_that_is_not_sound_is_refused_before_anything_is_made() {
         ("grains=[40, 20]", "do not ascend"),
         ("recipe.0.file=no-such-recipe.toml", "no-such-recipe.toml"),
         ("quantity.0.measure=strength", "stress_ratio"),
-        ("quantity.1.from=0.5", "beyond the path of test 'biaxial', whose largest strain is 0.0020"),
+        ("quantity.1.from=0.5", "beyond the path of test 'biaxial', whose strains are 0.0000 to 0.0020"),
+        ("quantity.1.name=seed", "a column of NAME-samples.csv"),
     ] {
         let output = study(&out, &["--set", setting]);
         assert_eq!(output.status.code(), Some(2), "{setting}");

@@ -13,7 +13,7 @@ use crate::model::failure::failure;
 use crate::observer::Outcome;
 use crate::solve::accepted::{Counters, Followed, Unfinished};
 use crate::solve::driver::{Session, Solver};
-use crate::solve::stabilisation::path::FEW_WITHOUT_GAIN;
+use crate::solve::stabilisation::limits::FEW_WITHOUT_GAIN;
 
 impl Solver<'_> {
     /// Takes a step on to the share `target` of the path from an iterate, which the material has evaluated last; `before` are the

@@ -13,6 +13,7 @@
 
 mod committed_iterates;
 mod increments;
+mod limits;
 mod noise;
 mod path;
 
@@ -29,8 +30,9 @@ use crate::model::points::Points;
 use crate::observer::{AttemptCost, Convergence, Outcome, Stabilised as Event};
 use crate::problem::{Stabilisation, Tolerances};
 use increments::Trial;
+use limits::{MOST_WITHOUT_GAIN, PathLimits};
 use noise::CorrectionNoise;
-use path::{MOST_WITHOUT_GAIN, StabilisedPath};
+use path::StabilisedPath;
 
 /// Growth of the out-of-balance force at which an increment is rejected and made smaller.
 const LARGEST_GROWTH: f64 = 2.0;
@@ -46,10 +48,6 @@ const LEAST_ADVANCE: f64 = 1e-3;
 /// longer one takes many increments, and smaller steps may need none.
 const LARGEST_MOTION: f64 = 0.02;
 
-/// Mean displacement gradient of a path with all supports at rest, beyond which the body has collapsed: a specimen that fails under its load
-/// flows on until it is flat or some other state happens to bear the load, while cells that settle have done with it before.
-const COLLAPSE: f64 = 0.05;
-
 /// Share of the out-of-balance force that an increment has to leave at most if the path is to go on towards the tolerances from a state
 /// that is good enough for a step without progress.
 const LARGEST_PROGRESS: f64 = 0.5;
@@ -59,6 +57,16 @@ struct Acceptable {
     end: Converged,
     points: Points,
     tangents: TangentUpdater,
+}
+
+/// A balanced state at the end of the loads.
+struct Reached {
+    /// Size of the correction that it would still get, as the displacement criterion measures it.
+    correction: f64,
+    /// Whether that is noise.
+    is_noise: bool,
+    /// The end of the path, if the state meets the tolerances or its correction is noise.
+    end: Option<Converged>,
 }
 
 /// The state before a stabilised step. The material keeps its own.
@@ -223,33 +231,21 @@ impl Solver<'_> {
         target: f64,
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
-        let mut last = String::new();
         let supports_rest = self.motion_of_supports(target) == 0.0;
         // The number of increments in which loads move follows from the cap; those at fixed loads are limited.
-        let (mut at_fixed_loads, least_advance) = (0, LEAST_ADVANCE * (target - self.stage_fraction));
-        let (mut least, mut without_gain) = (f64::INFINITY, 0);
+        let mut limits = PathLimits::new(settings.most_increments, path.most_without_gain, supports_rest);
+        let least_advance = LEAST_ADVANCE * (target - self.stage_fraction);
         // Of a committed iterate that the path begins with.
         let mut before = path.event.largest_imbalance;
-        let mut acceptable: Option<Acceptable> = None;
-        let mut noise = CorrectionNoise::new();
-        for iteration in path.iterations + 1.. {
-            let held = acceptable.take();
-            let has_collapsed = supports_rest && path.mean_gradient() > COLLAPSE;
-            let is_over = at_fixed_loads == settings.most_increments
-                || path.most_without_gain == Some(without_gain)
-                || has_collapsed;
-            match held {
-                Some(held) if is_over => return Ok(held.end),
-                None if has_collapsed => {
-                    return Err(Failure::Attempt(format!(
-                        "collapse: {at_fixed_loads} increments of viscous stabilisation at fixed loads have strained the body by {:.1} % on \
-                         average: {last}",
-                        100.0 * path.mean_gradient()
-                    )));
-                }
-                None if is_over => break,
-                _ => {}
-            }
+        let (mut last, mut acceptable, mut noise) = (String::new(), None::<Acceptable>, CorrectionNoise::new());
+        let mut iteration = path.iterations;
+        loop {
+            iteration += 1;
+            let held = match (limits.reached(path.mean_gradient()), acceptable.take()) {
+                (Some(_), Some(held)) => return Ok(held.end),
+                (Some(reason), None) => return Err(Failure::Attempt(format!("{reason}: {last}"))),
+                (None, held) => held,
+            };
             if held.is_none() {
                 path.limit_plain_increments();
             }
@@ -266,66 +262,68 @@ impl Solver<'_> {
                 progresses = force_ratio <= LARGEST_PROGRESS * std::mem::replace(&mut before, force_ratio);
             }
             let is_fixed = path.stage_fraction >= target || path.stage_fraction - from < least_advance;
-            at_fixed_loads += usize::from(is_fixed);
-            // Loads that move bring force of their own.
-            (least, without_gain) = match is_fixed && force_ratio >= path::GAIN * least {
-                true => (least, without_gain + 1),
-                false => (if is_fixed { force_ratio } else { f64::INFINITY }, 0),
-            };
+            limits.add(is_fixed, force_ratio);
             last = format!("out-of-balance {force_ratio:.2e}");
             if path.stage_fraction < target {
                 continue;
             }
-            // It begins where iterations have stagnated, and ends where such steps end, unless the tolerances are near.
-            let strict = self.stage().tolerances;
-            let tolerances = strict.stagnated();
+            let tolerances = self.stage().tolerances.stagnated();
             if path.backtracks > 0 || (force_ratio > tolerances.force && tolerances.criteria.force.is_some()) {
                 noise = CorrectionNoise::new();
                 continue;
             }
-            // Without viscosity: the correction of Newton's method.
-            let correction = match self.newton_correction() {
-                Ok(correction) => correction,
+            let reached = match self.reached(path, target, iteration, force_ratio, &mut noise) {
+                Ok(reached) => reached,
                 Err(error) => {
                     last = error.to_string();
                     continue;
                 }
             };
-            let full_step = self.full_step(target);
-            let measures = self.convergence_measures(force_ratio, &path.increment, &correction, full_step);
-            // Smaller steps have more of it.
-            let is_noise = tolerances.accept_noise() && noise.is_noise(&correction, measures.displacement);
-            let meets = |tolerances: &Tolerances| tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0);
-            let convergence = match (meets(&strict), meets(&tolerances)) {
-                (true, _) => Some(Convergence::Full),
-                (false, true) => Some(Convergence::Stagnated),
-                (false, false) => is_noise.then_some(Convergence::Noise),
-            };
-            if let Some(convergence) = convergence {
-                let end = Converged {
-                    increment: path.increment.clone(),
-                    load: target,
-                    iterations: iteration,
-                    force_ratio: measures.force,
-                    displacement_ratio: measures.displacement,
-                    correction: Some(correction),
-                    convergence,
-                };
-                if is_noise || convergence == Convergence::Full || !progresses {
+            if let Some(end) = reached.end {
+                if reached.is_noise || end.convergence == Convergence::Full || !progresses {
                     return Ok(end);
                 }
                 acceptable = Some(Acceptable { end, points: self.points.clone(), tangents: self.tangents.clone() });
             }
-            last = format!("{last}, correction {:.2e}", measures.displacement);
+            last = format!("{last}, correction {:.2e}", reached.correction);
             // Newton's method from here: factors on increments belong to viscous ones.
             (path.viscosity, path.step_factor) = (0.0, 1.0);
         }
-        Err(Failure::Attempt(match path.most_without_gain == Some(without_gain) {
-            true => format!(
-                "no equilibrium by viscous stabilisation: {at_fixed_loads} increments at fixed loads, the last {without_gain} of them without gain: {last}"
-            ),
-            false => format!("no equilibrium after {at_fixed_loads} increments of viscous stabilisation: {last}"),
-        }))
+    }
+
+    /// What the committed state at the end of the loads is to a path. It begins where iterations have stagnated, and may end where such steps
+    /// end.
+    fn reached(
+        &mut self,
+        path: &StabilisedPath,
+        target: f64,
+        iteration: usize,
+        force_ratio: f64,
+        noise: &mut CorrectionNoise,
+    ) -> Result<Reached, LinearSolverError> {
+        let (strict, weak) = (self.stage().tolerances, self.stage().tolerances.stagnated());
+        // Without viscosity: the correction of Newton's method.
+        let correction = self.newton_correction()?;
+        let full_step = self.full_step(target);
+        let measures = self.convergence_measures(force_ratio, &path.increment, &correction, full_step);
+        // Smaller steps have more of it.
+        let is_noise = weak.accept_noise() && noise.is_noise(&correction, measures.displacement);
+        let meets = |tolerances: &Tolerances| tolerances.excess(&measures).iter().all(|excess| *excess <= 1.0);
+        let convergence = match (meets(&strict), meets(&weak)) {
+            (true, _) => Some(Convergence::Full),
+            (false, true) => Some(Convergence::Stagnated),
+            (false, false) => is_noise.then_some(Convergence::Noise),
+        };
+        let end = convergence.map(|convergence| Converged {
+            increment: path.increment.clone(),
+            load: target,
+            iterations: iteration,
+            force_ratio: measures.force,
+            displacement_ratio: measures.displacement,
+            correction: Some(correction),
+            convergence,
+        });
+        Ok(Reached { correction: measures.displacement, is_noise, end })
     }
 
     /// Ends a path where an increment began that has been dropped.

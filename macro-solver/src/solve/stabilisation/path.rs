@@ -24,16 +24,6 @@ const MOST_PLAIN: usize = 10;
 /// Factor on the viscosity after a rejected increment.
 const BACKTRACK_FACTOR: f64 = 4.0;
 
-/// Share of the least out-of-balance force so far that one below it counts as a gain.
-pub(super) const GAIN: f64 = 0.9;
-
-/// Increments at fixed loads in a row without a gain after which a path is given up: nothing comes of it, and a smaller step may do better. Of
-/// 169 paths that have come to an equilibrium none went longer than 97 without one. The smallest step is the last resort, and has no such limit.
-pub(super) const MOST_WITHOUT_GAIN: usize = 120;
-
-/// The same for a step that goes on from a committed iterate where a larger one has been stabilised in vain: 149 of these paths have done with it.
-pub(super) const FEW_WITHOUT_GAIN: usize = 20;
-
 /// The path of a stabilised step.
 pub(super) struct StabilisedPath {
     /// Viscosity of the first increment, as a factor on the first stiffness.
@@ -176,6 +166,7 @@ fn first_stiffness(body: &Body, moduli: impl Fn(usize) -> [f64; 2]) -> Vec<Block
 
 #[cfg(test)]
 mod tests {
+    use super::super::limits::MOST_WITHOUT_GAIN;
     use super::*;
     use crate::observer::AttemptCost;
 

@@ -87,7 +87,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         log: &'a ProgressLog<'a>,
     ) -> Result<Self, PackingError> {
         let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
-        let mut cell = GrainRve::<S>::new(&definition).map_err(content)?;
+        let mut cell = GrainRve::<S>::new(&definition).map_err(packing_error)?;
         let first_vectors = FirstVectors::new::<S>(&definition.packing.periodicity, &cell.committed().cell.rows);
         let has_couples = contact.rotations == Rotations::Blocked;
         cell.solve_operators_to(Closeness::RESULT);
@@ -191,7 +191,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
     /// # Errors
     /// Contact forces that are not finite.
     pub(crate) fn fabric_deviator(&mut self) -> Result<Matrix, PackingError> {
-        let fabric = self.cell.observe(Observables::FABRIC).map_err(content)?.observed.fabric;
+        let fabric = self.cell.observe(Observables::FABRIC).map_err(packing_error)?.observed.fabric;
         let mut deviator = turned_in(&rows(&fabric), &self.axes());
         let mean = (0..self.target.dimension).map(|i| deviator[i][i]).sum::<f64>() / self.target.dimension as f64;
         for (i, row) in deviator.iter_mut().enumerate().take(self.target.dimension) {
@@ -220,7 +220,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
     fn trial(&mut self, strain: &Matrix, tangent: TangentKind) -> Result<TrialResult, PackingError> {
         let target = Tensor2::from_rows(strain);
         let options = TrialOptions { tangent, ..TrialOptions::default() };
-        let mut answer = self.cell.trial(&target, &options).map_err(content)?;
+        let mut answer = self.cell.trial(&target, &options).map_err(packing_error)?;
         self.log.spend(answer.cost.force_evaluations);
         if self.has_couples {
             answer.stress = Tensor2::from_rows(&symmetric(&rows(&answer.stress)));
@@ -231,7 +231,7 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
 
     /// Makes the latest trial the state.
     fn commit(&mut self) -> Result<(), PackingError> {
-        self.cell.commit().map_err(content)?;
+        self.cell.commit().map_err(packing_error)?;
         self.first_vectors.follow::<S>(&self.carried, &self.cell.committed().cell.rows);
         Ok(())
     }
@@ -260,6 +260,7 @@ pub(crate) fn rows(tensor: &Tensor2) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| tensor.get(i, j)))
 }
 
-pub(crate) fn content(error: RveError) -> PackingError {
+/// What an engine says of a cell in preparation.
+pub(crate) fn packing_error(error: RveError) -> PackingError {
     PackingError::Content(error.to_string())
 }
