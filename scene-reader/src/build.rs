@@ -24,8 +24,9 @@ use crate::FRAME_ENGINE;
 use keys::Located;
 use macro_solver::checkpoint::CheckpointPolicy;
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
+use macro_solver::mesh::Mesh;
 use macro_solver::output::RecordPlan;
-use macro_solver::problem::{Problem, Tolerances};
+use macro_solver::problem::{Problem, Stage, Tolerances};
 use protocol::ContentId;
 use rve_server::contact::Rotations;
 use rve_server::definition::{AnyDefinition, RveOptions, SolverName};
@@ -101,18 +102,7 @@ impl Scene {
         let keeps_default_error = choose(&document, &mut file)?;
         file.rve.relax_zero_increments |= !file.economy.zero_increments;
         let name = name(&document, file.name.as_ref())?;
-        let (mut mesh, mesh_file) = mesh(&document, &file.mesh)?;
-        let mesh_identity = mesh_file.is_some().then(|| mesh.identity());
-        let mesh_dimension = mesh.dimension.count();
-        if file.rve.solver == SolverName::EventDriven {
-            let points: usize = mesh.kinds.iter().map(|kind| kind.point_count()).sum();
-            file.rve.side_by_side.get_or_insert(points >= POINTS_SIDE_BY_SIDE);
-        }
-        let (definition, packing_path) = definition(&document, &file, mesh_dimension)?;
-        let materials = materials(&document, &file, &Sets { mesh: &mesh }, definition)?;
-        for (name, elements) in materials.elements_of_regions(&file, &mesh) {
-            mesh.element_sets.entry(name).or_insert(elements);
-        }
+        let Body { mesh, mesh_file, mesh_identity, materials, packing_path } = body(&document, &mut file)?;
         let sets = Sets { mesh: &mesh };
         let context = ProbeContext { document: &document, sets: &sets, file: &file, materials: &materials };
         let probes = probes(&context)?;
@@ -122,33 +112,11 @@ impl Scene {
         let pore_fluid = file.pore_fluid.as_ref().map(|table| context.pore_fluid(table)).transpose()?;
         let observables = observables(&document, &file.output, &probes, &profiles)?;
         let plot = plot(&document, &file.output, &probes, file.stage.len())?;
-        let densities = materials.densities(&mesh);
-        let given = Given {
-            densities: &densities,
-            cell_dimension: materials.cell_dimension(),
-            error: error_of_stresses(&document, &file),
-        };
-        let Stages { mut stages, outputs, places } = read_stages(&document, &sets, &file, &given)?;
-        let without_error = if keeps_default_error {
-            read_stages(&document, &sets, &file, &Given { error: None, ..given })?.stages
-        } else {
-            Vec::new()
-        };
-        for stage in &mut stages {
-            stage.strategy.keep_unchanged &= file.economy.unchanged_targets;
-        }
-        let mut problem = Problem::new(mesh, Vec::new());
-        problem.stages = stages;
-        equations(&document, &mut problem, &file.solver)?;
-        problem.initial = initial_state(&document, &file.initial_stress)?;
-        problem.pore_fluid = pore_fluid;
-        problem.observables = observables;
-        problem.keeps_still_points = !file.rve.relax_zero_increments;
-        problem.symmetric_stresses =
-            materials.definitions.iter().all(|definition| definition.contact().rotations == Rotations::Free);
-        problem.strain_per_step = materials.definitions[0].options().strain_per_step();
+        let (stages, tolerances_without_error) = stages(&document, &sets, &file, &materials, keeps_default_error)?;
+        let Stages { stages, outputs, places } = stages;
+        let mut problem = problem(&document, &file, mesh, stages, &materials)?;
+        (problem.pore_fluid, problem.observables) = (pore_fluid, observables);
         let error_estimate = error_estimate(&document, &file)?;
-        problem.error_control = error_control(materials.definitions[0].options());
         problem.validate().map_err(|error| problem_error(&document, &places, &error))?;
         find_equilibrium(&document, &places, &file.initial_stress, &mut problem)?;
         let grains = points(&document, &file.output.grains, problem.point_count())?;
@@ -164,17 +132,10 @@ impl Scene {
             accuracy: false,
             units_in_headers: file.output.units.then_some(problem.mesh.dimension),
         };
-        let fault = |fault| document.fault(&fault);
-        let checkpoint = file.checkpoint.over(&CheckpointPolicy::default()).map_err(fault)?;
-        let mut keys: PoolRunKeys = file.pool.over(&PoolRunKeys::default()).map_err(fault)?;
-        if file.rve.frame.is_some() && !file.pool.has("engine") {
-            FRAME_ENGINE.clone_into(&mut keys.engine);
-        }
-        let engines = EnginePlan::read(&document, &file.pool, &keys, &problem)?;
-        let pool = PoolPlan::new(&file.pool, &keys, file.economy.duplicate_trials);
-        let mut remarks = document.warnings().to_vec();
-        remarks.extend(remarks_on(&problem));
-        remarks.extend(narrow_cells(&materials));
+        let checkpoint =
+            file.checkpoint.over(&CheckpointPolicy::default()).map_err(|fault| document.fault(&fault))?;
+        let (engines, pool) = workers(&document, &file, &problem)?;
+        let remarks = [document.warnings().to_vec(), remarks_on(&problem), narrow_cells(&materials)].concat();
         let scene = Self {
             name,
             document,
@@ -190,7 +151,7 @@ impl Scene {
             cells: file.output.cells,
             prepared: None,
             keeps_default_error,
-            tolerances_without_error: without_error.into_iter().map(|stage| stage.tolerances).collect(),
+            tolerances_without_error,
             error_estimate,
             plot,
             checkpoint,
@@ -231,6 +192,88 @@ impl Scene {
             stage.tolerances = *tolerances;
         }
     }
+}
+
+/// The mesh with the sets of its regions, and what it is made of.
+struct Body {
+    mesh: Mesh,
+    /// The file that gives the mesh; `None` of a generated one.
+    mesh_file: Option<InputCopy>,
+    /// Identity of the mesh as that file gives it.
+    mesh_identity: Option<ContentId>,
+    materials: Materials,
+    packing_path: PathBuf,
+}
+
+fn body(document: &Document, file: &mut SceneFile) -> Result<Body, InputError> {
+    let (mut mesh, mesh_file) = mesh(document, &file.mesh)?;
+    let mesh_identity = mesh_file.is_some().then(|| mesh.identity());
+    if file.rve.solver == SolverName::EventDriven {
+        file.rve.side_by_side.get_or_insert(mesh.point_count() >= POINTS_SIDE_BY_SIDE);
+    }
+    let (definition, packing_path) = definition(document, file, mesh.dimension.count())?;
+    let materials = materials(document, file, &Sets { mesh: &mesh }, definition)?;
+    for (name, elements) in materials.elements_of_regions(file, &mesh) {
+        mesh.element_sets.entry(name).or_insert(elements);
+    }
+    Ok(Body { mesh, mesh_file, mesh_identity, materials, packing_path })
+}
+
+/// The stages, and what they are held to if the run cannot keep to the error that it would keep to by default: tolerances follow that error.
+fn stages(
+    document: &Document,
+    sets: &Sets<'_>,
+    file: &SceneFile,
+    materials: &Materials,
+    keeps_default_error: bool,
+) -> Result<(Stages, Vec<Tolerances>), InputError> {
+    let densities = materials.densities(sets.mesh);
+    let given = Given {
+        densities: &densities,
+        cell_dimension: materials.cell_dimension(),
+        error: error_of_stresses(document, file),
+    };
+    let mut stages = read_stages(document, sets, file, &given)?;
+    for stage in &mut stages.stages {
+        stage.strategy.keep_unchanged &= file.economy.unchanged_targets;
+    }
+    let without_error = if keeps_default_error {
+        read_stages(document, sets, file, &Given { error: None, ..given })?.stages
+    } else {
+        Vec::new()
+    };
+    Ok((stages, without_error.into_iter().map(|stage| stage.tolerances).collect()))
+}
+
+/// The problem, but for what is observed.
+fn problem(
+    document: &Document,
+    file: &SceneFile,
+    mesh: Mesh,
+    stages: Vec<Stage>,
+    materials: &Materials,
+) -> Result<Problem, InputError> {
+    let options = materials.definitions[0].options();
+    let mut problem = Problem::new(mesh, Vec::new());
+    problem.stages = stages;
+    equations(document, &mut problem, &file.solver)?;
+    problem.initial = initial_state(document, &file.initial_stress)?;
+    problem.keeps_still_points = !file.rve.relax_zero_increments;
+    problem.symmetric_stresses =
+        materials.definitions.iter().all(|definition| definition.contact().rotations == Rotations::Free);
+    problem.strain_per_step = options.strain_per_step();
+    problem.error_control = error_control(options);
+    Ok(problem)
+}
+
+/// Who solves the points, and how these workers are led.
+fn workers(document: &Document, file: &SceneFile, problem: &Problem) -> Result<(EnginePlan, PoolPlan), InputError> {
+    let mut keys: PoolRunKeys = file.pool.over(&PoolRunKeys::default()).map_err(|fault| document.fault(&fault))?;
+    if file.rve.frame.is_some() && !file.pool.has("engine") {
+        FRAME_ENGINE.clone_into(&mut keys.engine);
+    }
+    let engines = EnginePlan::read(document, &file.pool, &keys, problem)?;
+    Ok((engines, PoolPlan::new(&file.pool, &keys, file.economy.duplicate_trials)))
 }
 
 /// Gauss points from which on cells are mostly solved side by side: as many as a processor has lanes.

@@ -12,6 +12,9 @@ pub(crate) const LARGEST_STRAIN: f64 = 1e-3;
 /// Shear over bulk modulus that is assumed while nothing is known yet.
 const FIRST_SHEAR_TO_BULK: f64 = 0.5;
 
+/// Isotropic compression where the response is singular: a network of too few contacts says nothing about the stress.
+const SINGULAR_COMPRESSION: f64 = 1e-5;
+
 /// Stress that a step aims at, in laboratory axes: the target, or a step of a factor of two towards it while the
 /// pressure is still far off, because the network stiffens as it is compressed.
 pub(crate) fn aim(target: &StressTarget, deviator: &Matrix, stress: &Tensor2) -> Matrix {
@@ -146,9 +149,8 @@ impl Response {
             }),
         );
         let step = self.matrix.clone().lu().solve(&wanted).filter(|step| step.iter().all(|value| value.is_finite()));
-        // A singular network (too few contacts) is simply compressed a little further.
         let step = step.unwrap_or_else(|| {
-            DVector::from_fn(pairs.len(), |row, _| if row < self.dimension { -1e-5 } else { 0.0 })
+            DVector::from_fn(pairs.len(), |row, _| if row < self.dimension { -SINGULAR_COMPRESSION } else { 0.0 })
         });
         let largest = step.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
         let shrink = (most / largest).min(1.0);
