@@ -5,11 +5,15 @@ use super::input_error::InputError;
 use super::tables::{ProcedureKeyword, SceneFile};
 use macro_solver::material::error_estimate::ErrorEstimateSettings;
 use macro_solver::problem::ErrorControl;
-use rve_server::definition::{Accuracy, RveOptions, SolverName};
+use rve_server::definition::{Accuracy, Criterion, RveOptions, SolverName};
 
 /// Error of the stress over the pressure that a scene keeps to which names no accuracy; the reasons are in
 /// docs/lab-book/error-estimate.md.
 const DEFAULT_ERROR: f64 = 5e-3;
+
+/// Tolerance of the cells in scenes with dynamic stages, in place of the 1e-3 of the accuracy `default`: what cells may keep out of balance damps
+/// waves whose stresses are small next to the pressure (docs/lab-book/error-estimate.md).
+const MOTION_TOLERANCE: f64 = 1e-5;
 
 /// Keys of `[rve]` that name an accuracy.
 const KEYS: [&str; 4] = ["accuracy", "error", "strain_per_step", "tolerance"];
@@ -23,12 +27,28 @@ pub(super) fn choose(document: &Document, file: &mut SceneFile) -> Result<bool, 
     let is_estimated = error_estimate(document, file)?.enabled;
     let is_named = KEYS.iter().any(|key| document.is_written(&["rve", key]));
     let own = file.stage.iter().filter_map(|stage| stage.get_ref().procedure);
-    let is_implicit = own.chain([file.procedure]).all(|procedure| procedure == ProcedureKeyword::Implicit);
+    let procedures: Vec<ProcedureKeyword> = own.chain([file.procedure]).collect();
+    let is_implicit = procedures.iter().all(|procedure| *procedure == ProcedureKeyword::Implicit);
     let is_open = is_estimated && !is_named && is_implicit && file.rve.solver == SolverName::Relaxation;
     if is_open {
         file.rve.error = Some(DEFAULT_ERROR);
     }
+    let is_dynamic = procedures.contains(&ProcedureKeyword::Dynamic);
+    if is_dynamic && has_default_tolerance(document, &file.rve) {
+        // That of the energy criterion is quadratic in the forces.
+        let is_energy = file.rve.criterion == Criterion::Energy;
+        file.rve.tolerance = Some(if is_energy { MOTION_TOLERANCE * MOTION_TOLERANCE } else { MOTION_TOLERANCE });
+    }
     Ok(is_open)
+}
+
+/// Whether the tolerance of the cells is that of the accuracy `default`.
+fn has_default_tolerance(document: &Document, options: &RveOptions) -> bool {
+    let is_default = options.error.is_none() && options.accuracy == Accuracy::Default;
+    is_default
+        && options.solver == SolverName::Relaxation
+        && options.frame.is_none()
+        && !document.is_written(&["rve", "tolerance"])
 }
 
 /// The error of the stresses that the tolerances of implicit stages follow: the one that the run keeps to, or the default one in drafts,

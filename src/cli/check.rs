@@ -118,6 +118,7 @@ fn overview(scene: &Scene, assignment: &EngineAssignment, packings: &[PackingSta
         LoadComparison::NotCompared(reason) => {
             notes.push(format!("the initial loads are not compared with the stress of the packing: {reason}"));
         }
+        LoadComparison::Nearly(text) => notes.push(text),
         LoadComparison::Differ(_) | LoadComparison::Match => {}
     }
     notes.extend(scene.remarks.iter().cloned());

@@ -11,11 +11,15 @@ use std::time::{Duration, Instant};
 /// run goes into writing.
 const LEAST_PAUSE: u32 = 20;
 
+/// A state that takes longer to collect is not collected after every step, but as seldom as checkpoints that are due by time.
+const DEAR: Duration = Duration::from_millis(2);
+
 /// When checkpoints are written, in addition to the one at the end of a run that did not reach its end.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct CheckpointPolicy {
-    /// Whether checkpoints are written; false: also not at the end of a run that stops early.
+    /// Whether checkpoints are written; false: also not at the end of a run that stops early. That one is the state after the last step, or
+    /// where a state takes more than 2 ms to collect, one of at most 20 times as long before.
     pub enabled: bool,
     /// A checkpoint after every n accepted steps.
     #[schemars(range(min = 1), extend("x-default" = "none"))]
@@ -50,15 +54,18 @@ pub struct CheckpointFigures {
     pub resumed: u64,
 }
 
-/// Collects the state after every step and writes it when it is due.
+/// Collects the state after steps and writes it when it is due.
 pub struct PeriodicCheckpoints<'a> {
     file: CheckpointFile,
     policy: CheckpointPolicy,
     earlier: Option<Archive>,
     /// Adds the description of the run to every archive, with the figures so far.
     description: Box<dyn Fn(&mut Archive, Progress, &CheckpointFigures) + 'a>,
-    /// State after the last accepted step, if it is not on the disk.
+    /// State that was collected last, if it is not on the disk.
     pending: Option<Archive>,
+    /// When that was, and how long it took.
+    collected: Instant,
+    collecting: Duration,
     steps: u64,
     last: Instant,
     last_cost: Duration,
@@ -80,6 +87,8 @@ impl<'a> PeriodicCheckpoints<'a> {
             earlier,
             description: Box::new(description),
             pending: None,
+            collected: Instant::now(),
+            collecting: Duration::ZERO,
             steps: 0,
             last: Instant::now(),
             last_cost: Duration::ZERO,
@@ -87,7 +96,7 @@ impl<'a> PeriodicCheckpoints<'a> {
         }
     }
 
-    /// Writes the state after the last accepted step unless it is on the disk: on request, and at the end of a run that is not complete.
+    /// Writes the state that was collected last unless it is on the disk: on request, and at the end of a run that is not complete.
     /// A state that cannot be written is kept for the next time; then the reason is returned.
     pub fn flush(&mut self) -> Result<(), String> {
         let Some(archive) = self.pending.take() else { return Ok(()) };
@@ -146,9 +155,15 @@ impl CheckpointStore for PeriodicCheckpoints<'_> {
         let begun = Instant::now();
         self.steps += 1;
         let due = self.is_due();
+        // Long curves and large bodies would take more time than the steps.
+        let is_dear = self.collecting > DEAR && self.collected.elapsed() < self.collecting * LEAST_PAUSE;
+        if is_dear && !due {
+            return;
+        }
         let mut archive = Archive::new();
         fill(&mut archive);
         (self.description)(&mut archive, progress, &self.figures);
+        (self.collected, self.collecting) = (Instant::now(), begun.elapsed());
         if !due {
             self.figures.seconds += begun.elapsed().as_secs_f64();
             self.pending = Some(archive);

@@ -173,6 +173,27 @@ fn checkpoints_come_after_steps_or_time_and_at_the_end() {
     assert_eq!(written(eager).0[0], 1);
 }
 
+/// Collecting a long curve after every step took more time than all steps together.
+#[test]
+fn a_state_that_is_dear_to_collect_is_not_collected_after_every_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = CheckpointFile::in_folder(folder.path());
+    let policy = CheckpointPolicy::default();
+    let mut store = PeriodicCheckpoints::new(file.clone(), policy, None, CheckpointFigures::default(), |_, _, _| {});
+    let mut collected = Vec::new();
+    for step in 0..5u64 {
+        store.save_step(Progress { step, stage: 0, load: 0.0 }, &mut |archive| {
+            std::thread::sleep(Duration::from_millis(50));
+            collected.push(step);
+            archive.put("part", 1, &step);
+        });
+    }
+    store.flush().unwrap();
+    assert_eq!(collected, [0]);
+    let StoredCheckpoint::Archive(found, _) = file.read().unwrap() else { panic!("it was written") };
+    assert_eq!(found.get::<u64>("part", 1).unwrap(), 0);
+}
+
 #[test]
 fn a_failure_case_reads_back_and_damage_is_noticed() {
     let folder = tempfile::tempdir().unwrap();

@@ -94,8 +94,8 @@ impl EnergyLedger {
                 self.stabilisation - viscous,
             ];
             let residual = self.external_work - consumed.iter().sum::<f64>();
-            // In a body that turns as a whole the work is next to nothing beside what is stored all the time.
-            let scale = self.external_work.abs().max(self.initial_elastic.abs());
+            // In a body that turns as a whole the work is next to nothing compared with what is stored all the time.
+            let scale = self.external_work.abs().max(LEAST_WORK * self.initial_elastic.abs());
             let largest = consumed.iter().fold(scale, |most, value| most.max(value.abs()));
             entries.insert("residual".to_owned(), residual);
             let relative = if largest > 0.0 { residual.abs() / largest } else { 0.0 };
@@ -104,6 +104,9 @@ impl EnergyLedger {
         entries
     }
 }
+
+/// Share of the elastic energy at the start, below which work is rounding to the energy balance.
+const LEAST_WORK: f64 = 1e-3;
 
 const SECTION: &str = "energy";
 

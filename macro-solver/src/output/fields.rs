@@ -2,7 +2,9 @@
 
 use super::{OutputError, write_without_flush};
 use crate::mesh::ElementKind;
-use std::fmt::Write as _;
+use std::fs::OpenOptions;
+use std::io::ErrorKind;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use vtkio::model::{
     Attribute, Attributes, ByteOrder, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
@@ -118,21 +120,37 @@ pub(super) fn encode_vtk(path: &Path, data: DataSet) -> Result<Vec<u8>, OutputEr
 pub struct FieldSeries {
     path: PathBuf,
     frames: Vec<(f64, String)>,
+    /// Length of the file without its end, bytes, once this series has written it.
+    listed_to: Option<u64>,
 }
+
+/// Beginning and end of a `.pvd`.
+const BEGIN: &str = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n";
+const END: &str = "</Collection>\n</VTKFile>\n";
 
 impl FieldSeries {
     /// A series with no frames; nothing is written yet.
     pub fn new(path: &Path) -> Self {
-        Self { path: path.to_owned(), frames: Vec::new() }
+        Self { path: path.to_owned(), frames: Vec::new(), listed_to: None }
     }
 
-    /// Adds a frame (its file relative to the `.pvd`, its time in s) and rewrites the list.
+    /// Adds a frame (its file relative to the `.pvd`, its time in s) to the list.
     ///
     /// # Errors
     /// [`OutputError::Write`].
     pub fn add(&mut self, time: f64, file: String) -> Result<(), OutputError> {
         self.frames.push((time, file));
-        self.write()
+        let Some(listed_to) = self.listed_to else { return self.write() };
+        // In place of the end, in one write: a list of thousands of frames is not written again for each.
+        let added = self.frames.last().map(entry).unwrap_or_default();
+        let file = match OpenOptions::new().write(true).open(&self.path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return self.write(),
+            opened => opened,
+        };
+        file.and_then(|file| file.write_all_at((added.clone() + END).as_bytes(), listed_to))
+            .map_err(|source| OutputError::write(&self.path, source))?;
+        self.listed_to = Some(listed_to + added.len() as u64);
+        Ok(())
     }
 
     /// The frames so far.
@@ -157,28 +175,27 @@ impl FieldSeries {
     /// # Errors
     /// [`OutputError::Write`].
     pub fn restore(&mut self, frames: Vec<(f64, String)>) -> Result<(), OutputError> {
-        self.frames = frames;
+        (self.frames, self.listed_to) = (frames, None);
         if !self.frames.is_empty() {
             return self.write();
         }
         match std::fs::remove_file(&self.path) {
-            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                Err(OutputError::write(&self.path, source))
-            }
+            Err(source) if source.kind() != ErrorKind::NotFound => Err(OutputError::write(&self.path, source)),
             _ => Ok(()),
         }
     }
 
-    fn write(&self) -> Result<(), OutputError> {
-        let mut text =
-            String::from("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n");
-        for (time, file) in &self.frames {
-            writeln!(text, "<DataSet timestep=\"{time:e}\" part=\"0\" file=\"{file}\"/>")
-                .expect("writing to a String cannot fail");
-        }
-        text.push_str("</Collection>\n</VTKFile>\n");
-        write_without_flush(&self.path, text.as_bytes())
+    fn write(&mut self) -> Result<(), OutputError> {
+        let text = BEGIN.to_owned() + &self.frames.iter().map(entry).collect::<String>();
+        write_without_flush(&self.path, (text.clone() + END).as_bytes())?;
+        self.listed_to = Some(text.len() as u64);
+        Ok(())
     }
+}
+
+/// A frame in the list.
+fn entry((time, file): &(f64, String)) -> String {
+    format!("<DataSet timestep=\"{time:e}\" part=\"0\" file=\"{file}\"/>\n")
 }
 
 #[cfg(test)]
@@ -252,6 +269,9 @@ mod tests {
         }
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(FieldSeries::listed(&text), series.frames());
+        let again = folder.path().join("again.pvd");
+        FieldSeries::new(&again).restore(series.frames().to_vec()).unwrap();
+        assert_eq!(std::fs::read_to_string(&again).unwrap(), text);
         let cut = text.find("step-0002").unwrap();
         assert_eq!(FieldSeries::listed(&text[..cut]), series.frames()[..2]);
         assert_eq!(FieldSeries::listed(""), []);

@@ -89,6 +89,12 @@ impl Stage {
         does(Action::MovingSupport) && !does(Action::ChangingLoad)
     }
 
+    /// Whether nothing changes along its path: what has been removed or added at its start acts from its first step on, and smaller steps
+    /// are the same problem.
+    pub fn changes_nothing(&self) -> bool {
+        !self.conditions.iter().any(Applied::changes)
+    }
+
     /// Whether its load factor is an unknown. Only Newton's method finds it; other procedures lead it from 0 to 1 whatever `control` says,
     /// which they may have from the tables of the whole run.
     pub fn finds_load_factor(&self) -> bool {

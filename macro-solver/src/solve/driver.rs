@@ -315,7 +315,9 @@ impl<'a> Solver<'a> {
             let tried = AttemptCost::of(&self.statistics);
             let failed = tried.since(begun);
             let from = target - self.stage_fraction;
-            if let Some(settings) = self.stabilises(method, cut_backs + 1, from) {
+            // The second attempt differs from the first in how it begins.
+            let is_last = is_smallest(from, control.min) || (cut_backs > 0 && self.stage().changes_nothing());
+            if let Some(settings) = self.stabilises(method, cut_backs + 1, from, is_last) {
                 let counters = Counters { cut_backs: cut_backs + 1, ..counters };
                 match self.stabilise(settings, target, &reason, failed, &counters, session)? {
                     Followed::Accepted(_) => {
@@ -329,7 +331,7 @@ impl<'a> Solver<'a> {
                 }
             }
             let cost = AttemptCost::of(&self.statistics).since(begun);
-            if is_smallest(from, control.min) {
+            if is_last {
                 return Err(Outcome::DidNotConverge { reason: self.explained(target, &reason) });
             }
             *size = (from * control.cut).max(control.min);

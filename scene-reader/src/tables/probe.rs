@@ -107,7 +107,7 @@ pub(crate) enum ProbeKind {
     /// (`set`, `component`) Force of the support on the body, N, in the plane per m of thickness. Nodes at the end of a set also bear their
     /// share of the elements next to it.
     Reaction,
-    /// (`set`, `component`, `reference`) Mean displacement of the set, m.
+    /// (`set`, `component`, `reference`) Displacement of the set, mean over its nodes, each of which counts alike, m.
     Displacement,
     /// (`from`, `to`, `component`, `reference`) Change of the mean distance over the one at the reference; elongation positive.
     Strain,

@@ -5,6 +5,7 @@ use crate::cli::start_state::{self, LoadComparison, PackingState};
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::FailureCase;
 use macro_solver::observer::{Outcome, Run};
+use macro_solver::problem::Stage;
 use rve_server::engine::ENGINE_NAME;
 use scene_reader::Scene;
 
@@ -40,6 +41,12 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engi
                     "the run found no equilibrium at the start{stage}: {reason}\nhint: the loads that act from the start are more than the \
                      body bears as it is given, or its supports do not hold it; {}",
                     start_state::remedy(scene)
+                ),
+                None if stands_still(scene, run) => format!(
+                    "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: nothing changes along this stage, what it removes or \
+                     adds acts from its first step on: the body finds no equilibrium with it; do it in several stages, or let what takes its \
+                     place grow along the stage (history = \"ramp\")",
+                    run.load
                 ),
                 None => format!(
                     "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, {}, or look at \
@@ -90,6 +97,11 @@ fn is_nearly_balanced(scene: &Scene, run: &Run) -> bool {
     run.statistics.initial_imbalance < 1e-5 && asked < 1e-5
 }
 
+/// Whether nothing changes along the stage in which a run has ended.
+fn stands_still(scene: &Scene, run: &Run) -> bool {
+    scene.problem.stages.get(run.stage).is_some_and(Stage::changes_nothing)
+}
+
 /// How steps become smaller than they were.
 fn smaller_steps(scene: &Scene, run: &Run) -> &'static str {
     let stabilisation = scene.problem.stages.get(run.stage).and_then(|stage| stage.control.stabilisation);
@@ -110,7 +122,7 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
     let packings = PackingState::of_all(scene).ok()?;
     let differs = || match start_state::compare_loads(scene, &packings) {
         LoadComparison::Differ(text) => Some(text),
-        LoadComparison::Match | LoadComparison::NotCompared(_) => None,
+        LoadComparison::Match | LoadComparison::Nearly(_) | LoadComparison::NotCompared(_) => None,
     };
     let remark = start_state::remarks(&packings, PackingState::remarks).into_iter().next();
     if let Some(explained) = remark.or_else(differs) {

@@ -79,10 +79,16 @@ struct StateBefore {
 
 impl Solver<'_> {
     /// Whether a step that has failed `failed` times, last with the size `from`, is to be stabilised now. Where a larger step has
-    /// been stabilised in vain, or the supports move far in this one, smaller ones are tried without it first.
-    pub(super) fn stabilises(&self, method: &dyn LoadStepMethod, failed: usize, from: f64) -> Option<Stabilisation> {
+    /// been stabilised in vain, or the supports move far in this one, smaller ones are tried without it first, unless this is the last
+    /// attempt.
+    pub(super) fn stabilises(
+        &self,
+        method: &dyn LoadStepMethod,
+        failed: usize,
+        from: f64,
+        is_last: bool,
+    ) -> Option<Stabilisation> {
         let control = &self.stage().control;
-        let is_smallest = is_smallest(from, control.min);
         let is_soon = |settings: &Stabilisation| {
             settings.after.is_some_and(|after| after > 0 && failed >= after)
                 && !self.stabilised_in_vain
@@ -90,7 +96,7 @@ impl Solver<'_> {
         };
         control
             .stabilisation
-            .filter(|settings| is_smallest || is_soon(settings))
+            .filter(|settings| is_last || is_soon(settings))
             .filter(|_| self.path_constraint.is_none() && method.can_be_stabilised())
     }
 
@@ -216,7 +222,8 @@ impl Solver<'_> {
         };
         let mut path =
             StabilisedPath::new(&self.body, self.points.all().len(), viscosity, self.stage_fraction, event);
-        if !is_smallest(target - self.stage_fraction, self.stage().control.min) {
+        let stage = self.stage();
+        if !is_smallest(target - self.stage_fraction, stage.control.min) && !stage.changes_nothing() {
             path.most_without_gain = Some(MOST_WITHOUT_GAIN);
         }
         path
