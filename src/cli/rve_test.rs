@@ -12,7 +12,8 @@ use crate::workers::SignalWatch;
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
 use rve_server::programs::rve_test::{
-    ElementCsv, ElementRow, ElementSummary, RowRequests, run_element_on, start_note, start_warnings,
+    ElementCsv, ElementError, ElementRow, ElementSummary, RowRequests, StopRequests, run_element_on, start_note,
+    start_warnings,
 };
 use scene_reader::{Document, InputError, Kind, read_element_test};
 use std::cell::RefCell;
@@ -117,12 +118,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let mut rows = Rows::new(arguments, &buffer)?;
     let progress_line = WaitingProgress::start(arguments.quiet);
     let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
+    let interrupt = SignalWatch::flag("the present trial is the last")?;
+    let raised = interrupt.clone();
     let requests = RowRequests {
         tangent: arguments.tangent,
         pictures: pictures(arguments, expected as u64)?,
         fluctuations_from: arguments.fluctuations_from,
+        stop: StopRequests::new(move || raised.is_raised()),
     };
-    let interrupt = SignalWatch::flag("the present increment is the last")?;
     let mut done = 0;
     progress_line.set(format!("row 0 of {expected}"));
     let end = run_element_on(&test, packing, requests, &mut |row| {
@@ -145,15 +148,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             tell(closing(&end.summary));
         }
     }
+    let interrupted = || {
+        // Row 0 is the packing as given.
+        let text = format!("{}: interrupted after row {} of {expected}", path.display(), done.max(1) - 1);
+        Err(Failure::new(Exit::Interrupted, format!("{text}; the rows up to there are written")))
+    };
     match end.result {
-        Ok(()) => {
-            // Row 0 is the packing as given.
-            if done <= expected && interrupt.is_raised() {
-                let text = format!("{}: interrupted after row {} of {expected}", path.display(), done - 1);
-                return Err(Failure::new(Exit::Interrupted, format!("{text}; the rows up to there are written")));
-            }
-            Ok(Exit::Done)
-        }
+        Ok(()) if done <= expected && interrupt.is_raised() => interrupted(),
+        Ok(()) => Ok(Exit::Done),
+        Err(ElementError::Interrupted { .. }) => interrupted(),
         Err(error) if error.is_bad_input() => Err(document.table_error(error).into()),
         Err(error) => Err(Failure::new(Exit::NotConverged, format!("{}: {error}", path.display()))),
     }

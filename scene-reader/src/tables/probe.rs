@@ -104,7 +104,7 @@ pub(crate) struct PartTable {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum ProbeKind {
-    /// (`set`, `component`) Force of the support on the body, N, in the plane per m of thickness. Nodes at the end of a set also bear their
+    /// (`set`, `component`) Force of the support on the body, N, in the plane per m of thickness; 0 where none holds it, also on absorbing sides. Nodes at the end of a set also bear their
     /// share of the elements next to it.
     Reaction,
     /// (`set`, `component`, `reference`) Displacement of the set, mean over its nodes, each of which counts alike, m.

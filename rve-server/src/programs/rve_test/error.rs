@@ -24,6 +24,12 @@ pub enum ElementError {
         /// The cell's reason.
         reason: RveError,
     },
+    /// It was asked to end.
+    #[error("interrupted in increment {increment}")]
+    Interrupted {
+        /// Row that was being computed.
+        increment: u64,
+    },
     /// The prescribed stress asks for more deformation than a trial can have.
     #[error(
         "increment {increment}: the cell hardly resists on the way to its target stress, which its grains cannot carry or which lies too far \

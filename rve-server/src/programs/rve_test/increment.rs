@@ -45,6 +45,9 @@ pub(super) struct Accepted {
 impl<S: SolverFor> Run<S> {
     /// One trial.
     fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialResult, ElementError> {
+        if self.stop.is_made() {
+            return Err(ElementError::Interrupted { increment: self.summary.rows });
+        }
         let options = TrialOptions {
             tangent: TangentKind::None,
             ramp_steps,

@@ -26,7 +26,7 @@ mod tests;
 
 pub use csv_table::{ElementCsv, ElementTable, element_table};
 pub use error::ElementError;
-pub use requests::RowRequests;
+pub use requests::{RowRequests, StopRequests};
 pub use row::ElementRow;
 pub use run::{run_element, run_element_on};
 pub use start_check::{start_note, start_warnings};

@@ -351,6 +351,9 @@ impl Run<'_> {
         gradient: &[f64; 4],
         spent: &mut Spent,
     ) -> Result<TrialResult, ElementError> {
+        if self.requests.stop.is_made() {
+            return Err(ElementError::Interrupted { increment: self.summary.rows });
+        }
         let target = plane::product(&deformed(start, gradient), &plane::inverse(&self.deformation));
         let h = plane::add_scaled(&target, -1.0, &plane::IDENTITY);
         let options = TrialOptions { observables: Observables::ALL, ..TrialOptions::default() };

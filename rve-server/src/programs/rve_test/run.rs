@@ -4,7 +4,7 @@ use super::error::ElementError;
 use super::increment::{Accepted, Spent};
 use super::on_frame::run_frame_element;
 use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, flat, tensor_of};
-use super::requests::RowRequests;
+use super::requests::{RowRequests, StopRequests};
 use super::row::ElementRow;
 use super::start_check::is_far_from_targets;
 use super::step::{Step, raised_level};
@@ -118,6 +118,7 @@ fn new_run<S: SolverFor>(
         tangent: requests.tangent,
         pictures: requests.pictures,
         fluctuations_from: requests.fluctuations_from,
+        stop: requests.stop,
         reference: None,
         summary,
         deformation: Matrix::IDENTITY,
@@ -141,6 +142,7 @@ pub(super) struct Run<S: SolverFor> {
     tangent: TangentKind,
     pictures: BTreeSet<u64>,
     fluctuations_from: Option<u64>,
+    pub(super) stop: StopRequests,
     /// Grains and deformation from which fluctuations are counted, once they are reached.
     reference: Option<(GrainState<S>, Matrix)>,
     pub(super) summary: ElementSummary,

@@ -127,6 +127,18 @@ fn stress_out_of_reach_fails_with_the_rows_before_it() {
     assert_eq!(rows, 3);
 }
 
+/// One row may take thousands of trials: a test that was asked to end finished its row first.
+#[test]
+fn a_test_ends_before_its_next_trial_where_that_is_asked_for() {
+    let path = "[[path]]\nincrements = 2\nstrain = { xx = -1e-4, yy = -1e-4 }";
+    let test = ElementTest::from_toml(&format!("{HEAD}{path}")).unwrap();
+    let packing = crate::definition::Packing::read(&lattice_folder().path().join("lattice.json")).unwrap();
+    let requests = RowRequests { stop: StopRequests::new(|| true), ..RowRequests::default() };
+    let end = run_element_on(&test, packing, requests, &mut |_| std::ops::ControlFlow::Continue(()));
+    assert!(matches!(end.result, Err(ElementError::Interrupted { increment: 1 })), "{:?}", end.result);
+    assert_eq!((end.summary.rows, end.summary.trials), (1, 0));
+}
+
 #[test]
 fn refused_target_names_its_increment() {
     let path = "[[path]]\nincrements = 1\nstrain = { xx = -0.5 }";
