@@ -1,6 +1,6 @@
 //! The functions of the header.
 
-use crate::ffi_boundary::{Failure, guarded, last_error, slice, slice_mut, text};
+use crate::ffi_boundary::{DEFECT, Failure, guarded, last_error, slice, slice_mut, text};
 use crate::material::expect_ramp_steps;
 use grain_pool::{PoolError, PoolOptions, RvePool, Snapshot, State, Trial};
 use protocol::{TangentKind, Tensor2, TrialOptions, TrialResult};
@@ -199,8 +199,8 @@ pub unsafe extern "C" fn grainspan_trial(
             (slice_mut(stresses, of_stresses), slice_mut(tangents, of_tangents), slice_mut(scalars, of_scalars))
         };
         let operator = |result: &TrialResult| -> Result<Vec<f64>, Failure> {
-            let operator = result.tangent.as_ref().ok_or_else(|| Failure::input("a reply has no operator"))?;
-            Ok(operator.0.to_vec())
+            let lacking = || Failure { code: DEFECT, text: "a reply has no operator".to_owned() };
+            Ok(result.tangent.as_ref().ok_or_else(lacking)?.0.to_vec())
         };
         fill(stresses, 9, &results, |result| Ok(result.stress.0.to_vec()))?;
         fill(tangents, 81, &results, operator)?;

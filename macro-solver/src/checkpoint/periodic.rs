@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 const LEAST_PAUSE: u32 = 20;
 
 /// A state that takes longer to collect is not collected after every step, but as seldom as checkpoints that are due by time.
-const DEAR: Duration = Duration::from_millis(2);
+const COSTLY: Duration = Duration::from_millis(2);
 
 /// When checkpoints are written, in addition to the one at the end of a run that did not reach its end.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -63,7 +63,9 @@ pub struct PeriodicCheckpoints<'a> {
     description: Box<dyn Fn(&mut Archive, Progress, &CheckpointFigures) + 'a>,
     /// State that was collected last, if it is not on the disk.
     pending: Option<Archive>,
-    /// When that was, and how long it took.
+    /// Whether that, or the one on the disk, is the state after the last accepted step.
+    is_latest: bool,
+    /// When it was collected, and how long that took.
     collected: Instant,
     collecting: Duration,
     steps: u64,
@@ -87,6 +89,7 @@ impl<'a> PeriodicCheckpoints<'a> {
             earlier,
             description: Box::new(description),
             pending: None,
+            is_latest: true,
             collected: Instant::now(),
             collecting: Duration::ZERO,
             steps: 0,
@@ -108,6 +111,26 @@ impl<'a> PeriodicCheckpoints<'a> {
         }
         self.pending = Some(archive);
         Err(self.figures.last_failure.clone().unwrap_or_default())
+    }
+
+    /// Collects the state after the last accepted step, `progress`, unless [`save_step`](CheckpointStore::save_step) has done so.
+    pub fn collect_latest(&mut self, progress: Progress, fill: &mut dyn FnMut(&mut Archive)) {
+        if self.is_latest || !self.policy.enabled {
+            return;
+        }
+        let begun = Instant::now();
+        self.pending = Some(self.collect(progress, fill));
+        self.is_latest = true;
+        self.figures.seconds += begun.elapsed().as_secs_f64();
+    }
+
+    fn collect(&mut self, progress: Progress, fill: &mut dyn FnMut(&mut Archive)) -> Archive {
+        let begun = Instant::now();
+        let mut archive = Archive::new();
+        fill(&mut archive);
+        (self.description)(&mut archive, progress, &self.figures);
+        (self.collected, self.collecting) = (Instant::now(), begun.elapsed());
+        archive
     }
 
     /// What it cost.
@@ -156,14 +179,12 @@ impl CheckpointStore for PeriodicCheckpoints<'_> {
         self.steps += 1;
         let due = self.is_due();
         // Long curves and large bodies would take more time than the steps.
-        let is_dear = self.collecting > DEAR && self.collected.elapsed() < self.collecting * LEAST_PAUSE;
-        if is_dear && !due {
+        let is_costly = self.collecting > COSTLY && self.collected.elapsed() < self.collecting * LEAST_PAUSE;
+        self.is_latest = due || !is_costly;
+        if !self.is_latest {
             return;
         }
-        let mut archive = Archive::new();
-        fill(&mut archive);
-        (self.description)(&mut archive, progress, &self.figures);
-        (self.collected, self.collecting) = (Instant::now(), begun.elapsed());
+        let archive = self.collect(progress, fill);
         if !due {
             self.figures.seconds += begun.elapsed().as_secs_f64();
             self.pending = Some(archive);

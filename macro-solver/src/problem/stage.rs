@@ -207,7 +207,7 @@ struct StabilisationKeys {
     stabilise_after: Option<usize>,
     /// Increments with supports and loads at rest after which the body counts as having no equilibrium: it returns to
     /// the state before the step, which is cut back. So it does after 120 of them in a row that do not lower the out-of-balance force,
-    /// unless the step is of the smallest size, and where it is strained by more than 5 % on average while all supports are at rest. Refused where
+    /// unless the step is of the smallest size, and where it is strained by more than 10 % on average while all supports are at rest. Refused where
     /// `stabilise` is false.
     #[schemars(range(min = 1), extend("x-procedures" = "implicit"))]
     stabilise_increments: usize,

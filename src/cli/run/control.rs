@@ -50,7 +50,7 @@ impl<'a> ControlledRun<'a> {
         if is_complete { self.controls.done(NOT_SAVED) } else { self.save() }
     }
 
-    /// Saves the state after the last accepted step. Whoever asked for it learns of a failure from a file.
+    /// Saves the state that was collected last. Whoever asked for it learns of a failure from a file.
     fn save(&mut self) -> Result<(), PageError> {
         match self.checkpoints.flush() {
             Ok(()) => self.controls.done(NOT_SAVED),
@@ -60,7 +60,8 @@ impl<'a> ControlledRun<'a> {
 
     /// Carries out everything that has been requested; returns when the run may go on. A request whose file cannot be removed is carried out
     /// all the same, and the first such error returned at the end.
-    fn carry_out(&mut self, step: u64) -> Result<(), PageError> {
+    fn carry_out(&mut self, progress: Progress, fill: &mut dyn FnMut(&mut Archive)) -> Result<(), PageError> {
+        let step = progress.step;
         let (mut is_paused, mut told) = (false, Ok(()));
         loop {
             for point in self.controls.cells() {
@@ -68,6 +69,7 @@ impl<'a> ControlledRun<'a> {
                 told = told.and(self.controls.cell_done(point));
             }
             if self.controls.asks(Action::Checkpoint) {
+                self.checkpoints.collect_latest(progress, fill);
                 told = told.and(self.save());
                 told = told.and(self.controls.done(Action::Checkpoint.keyword()));
                 tracing::info!(event = "checkpoint_requested", step);
@@ -83,11 +85,15 @@ impl<'a> ControlledRun<'a> {
             }
             if !is_paused {
                 is_paused = true;
+                self.checkpoints.collect_latest(progress, fill);
                 told = told.and(self.save());
                 tracing::info!(event = "paused", step);
                 told = told.and(self.controls.put(PAUSED));
             }
             sleep(PAUSE);
+        }
+        if self.interrupt.is_raised() {
+            self.checkpoints.collect_latest(progress, fill);
         }
         if is_paused {
             tracing::info!(event = "resumed", step);
@@ -105,7 +111,7 @@ impl CheckpointStore for ControlledRun<'_> {
     fn save_step(&mut self, progress: Progress, fill: &mut dyn FnMut(&mut Archive)) {
         self.checkpoints.save_step(progress, fill);
         self.cells.accept(progress.step);
-        if let Err(error) = self.carry_out(progress.step) {
+        if let Err(error) = self.carry_out(progress, fill) {
             tracing::warn!(%error, "a request to the run could not be carried out");
         }
     }

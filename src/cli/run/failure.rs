@@ -43,9 +43,9 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engi
                     start_state::remedy(scene)
                 ),
                 None if stands_still(scene, run) => format!(
-                    "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: nothing changes along this stage, what it removes or \
-                     adds acts from its first step on: the body finds no equilibrium with it; do it in several stages, or let what takes its \
-                     place grow along the stage (history = \"ramp\")",
+                    "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: nothing changes along this stage: what it removes or \
+                     adds acts from its first step on, and the body finds no equilibrium with it. Do it in several stages, or put its force in \
+                     the place of a support and let that fall along the stage (docs/guide/scenes.md, Excavation)",
                     run.load
                 ),
                 None => format!(
@@ -72,7 +72,7 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engi
             format!(
                 "interrupted at load {:.4}{stage}; everything up to the last accepted step is written{}",
                 run.load,
-                if scene.checkpoint.enabled { ", and --resume continues from there" } else { "" }
+                if scene.checkpoint.enabled { "; --resume continues the run" } else { "" }
             ),
         ),
         Outcome::WorkersLost { reason } => {

@@ -48,6 +48,9 @@ const LEAST_ADVANCE: f64 = 1e-3;
 /// longer one takes many increments, and smaller steps may need none.
 const LARGEST_MOTION: f64 = 0.02;
 
+/// The same below which it is rounding: displacements are sums of increments.
+const ROUNDED_MOTION: f64 = 1e-12;
+
 /// Share of the out-of-balance force that an increment has to leave at most if the path is to go on towards the tolerances from a state
 /// that is good enough for a step without progress.
 const LARGEST_PROGRESS: f64 = 0.5;
@@ -238,7 +241,7 @@ impl Solver<'_> {
         target: f64,
         session: &mut Session<'_>,
     ) -> Result<Converged, Failure> {
-        let supports_rest = self.motion_of_supports(target) == 0.0;
+        let supports_rest = self.motion_of_supports(target) < ROUNDED_MOTION;
         // The number of increments in which loads move follows from the cap; those at fixed loads are limited.
         let mut limits = PathLimits::new(settings.most_increments, path.most_without_gain, supports_rest);
         let least_advance = LEAST_ADVANCE * (target - self.stage_fraction);

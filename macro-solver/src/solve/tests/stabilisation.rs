@@ -162,7 +162,7 @@ fn a_path_without_gain_is_given_up_before_its_increments_are_spent() {
     let (run, recorder) = run(&problem, &mut weak_at_the_bottom());
     let Outcome::DidNotConverge { reason } = &run.outcome else { panic!("{:?}", run.outcome) };
     assert!(
-        reason.contains("stabilised: collapse:") && reason.contains("have strained the body by 5.0 %"),
+        reason.contains("stabilised: collapse:") && reason.contains("have strained the body by 10.0 %"),
         "{reason}"
     );
     assert_eq!(run.statistics.stabilisations_taken_back, 2);

@@ -1,9 +1,9 @@
 //! A cell in the axes of the packing that it is to become, and that packing.
 
-use super::super::stress_target::{Matrix, symmetric, turned_in, turned_out};
 use super::{Compaction, rows};
 use crate::cell::{Cell, ContactRecord, renamed};
 use crate::definition::{ListedContact, PackingError, PackingFile};
+use crate::preparation::stress_target::{Matrix, symmetric, turned_in, turned_out};
 use crate::solver::SolverFor;
 use crate::space::{Components, Tensor, apply, cross};
 use protocol::Tensor2;

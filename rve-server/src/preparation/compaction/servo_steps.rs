@@ -1,6 +1,6 @@
 //! Which step a preparation takes next on its way to the target stress: rules on the history of stress error and pressure alone.
 
-use super::super::servo::{LARGEST_STRAIN, StagnationMonitor};
+use crate::preparation::servo::{LARGEST_STRAIN, StagnationMonitor};
 
 /// Stress error over pressure below which the servo on spheres learns from its steps: the network's own operator knows no
 /// sliding, is much too stiff for shear, and would approach the target by a hundredth of the distance per step.

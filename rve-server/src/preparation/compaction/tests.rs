@@ -1,9 +1,9 @@
 //! Cells that are hard to bring to a stress.
 
-use super::super::generate;
-use super::super::recipe::PackingRecipe;
-use super::super::report::PackingReport;
 use crate::contact::Rotations;
+use crate::preparation::generate;
+use crate::preparation::recipe::PackingRecipe;
+use crate::preparation::report::PackingReport;
 use crate::space::{Discs, Spheres};
 
 /// Soft discs that never slide: a cell that had lost its load crept, and contacts that open under one operator and close

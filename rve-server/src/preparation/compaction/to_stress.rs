@@ -1,10 +1,10 @@
 //! The servo: Newton steps on all stress components until the cell carries its target.
 
-use super::super::servo::{LARGEST_STRAIN, Response, aim};
-use super::super::stress_target::{Matrix, turned_out};
 use super::servo_steps::{ServoStep, StepRules};
 use super::{Compaction, TOUCH, rows};
 use crate::definition::{PackingError, RveOptions};
+use crate::preparation::servo::{LARGEST_STRAIN, Response, aim};
+use crate::preparation::stress_target::{Matrix, turned_out};
 use crate::solver::SolverFor;
 use crate::space::largest_component;
 use protocol::{RveSolver, TangentKind, Tensor2, TrialResult};
