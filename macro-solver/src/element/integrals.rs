@@ -16,43 +16,6 @@ pub fn add_force(dimension: usize, geometry: &PointGeometry, nodes: usize, stres
     }
 }
 
-/// A point as the stiffness between two points sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct CoupledPoint<'a> {
-    /// Gradients of the shape functions there.
-    pub geometry: &'a PointGeometry,
-    /// Place of each node of its element among those of the rows, or of the columns, of the matrix.
-    pub places: &'a [usize],
-}
-
-/// Adds `K_aibk = dN_a/dx_j M_ijkl dN_b/dx_l` of a stress change at the point `row` by a gradient at the point `column`, N/m; `M`
-/// includes the volume that the stress is integrated over. The matrix has `width` columns.
-pub fn add_coupling(
-    dimension: usize,
-    row: CoupledPoint<'_>,
-    column: CoupledPoint<'_>,
-    moduli: &Operator,
-    width: usize,
-    matrix: &mut [f64],
-) {
-    for (&b, slope) in column.places.iter().zip(&column.geometry.gradients) {
-        for k in 0..dimension {
-            let mut change = [[0.0; 3]; 3];
-            for (i, line) in change.iter_mut().enumerate().take(dimension) {
-                for (j, entry) in line.iter_mut().enumerate().take(dimension) {
-                    *entry = (0..dimension).map(|l| moduli[(3 * i + j, 3 * k + l)] * slope[l]).sum();
-                }
-            }
-            for (&a, test) in row.places.iter().zip(&row.geometry.gradients) {
-                for (i, line) in change.iter().enumerate().take(dimension) {
-                    let entry: f64 = (0..dimension).map(|j| test[j] * line[j]).sum();
-                    matrix[(dimension * a + i) * width + dimension * b + k] += entry;
-                }
-            }
-        }
-    }
-}
-
 /// Adds `K_aibk = dN_a/dx_j A_ijkl dN_b/dx_l dv`, N/m.
 pub fn add_stiffness(
     dimension: usize,

@@ -2,11 +2,12 @@
 
 use super::{NonlocalError, NonlocalOperator, NonlocalSettings};
 use nalgebra::Matrix3;
+use std::sync::Arc;
 
 /// The operator and the increments of the step before, which [`super::Update::Staggered`] looks at.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NonlocalLayer {
-    operator: NonlocalOperator,
+    operator: Arc<NonlocalOperator>,
     previous: Vec<Matrix3<f64>>,
 }
 
@@ -21,8 +22,9 @@ impl NonlocalLayer {
         periods: &[[f64; 3]],
         settings: &NonlocalSettings,
     ) -> Result<Self, NonlocalError> {
-        let operator = NonlocalOperator::new(positions, volumes, periods, settings)?;
-        Ok(Self { previous: vec![Matrix3::zeros(); operator.len()], operator })
+        let mut operator = NonlocalOperator::new(positions, volumes, periods, settings)?;
+        operator.forget_branches();
+        Ok(Self { previous: vec![Matrix3::zeros(); operator.len()], operator: Arc::new(operator) })
     }
 
     /// Strain increments of the points (dimensionless, in the fixed axes) from those of the elements, by point: averages over the
@@ -43,7 +45,7 @@ impl NonlocalLayer {
     }
 
     /// The table of weights.
-    pub fn operator(&self) -> &NonlocalOperator {
+    pub fn operator(&self) -> &Arc<NonlocalOperator> {
         &self.operator
     }
 

@@ -121,7 +121,7 @@ pub struct NonlocalOperator {
     starts: Vec<usize>,
     neighbours: Vec<usize>,
     weights: Vec<f64>,
-    /// Branch from the point to the neighbour (or its periodic image), m; for the stability check.
+    /// Branch from the point to the neighbour (or its periodic image), m; for the weights and the stability check, empty later.
     offsets: Vec<[f64; 3]>,
 }
 
@@ -234,6 +234,13 @@ impl NonlocalOperator {
             self.offsets.push(offset);
         }
         self.starts.push(self.neighbours.len());
+    }
+
+    /// Gives back the memory of what only the check of stability and the weights need, more than half of the table.
+    pub(super) fn forget_branches(&mut self) {
+        self.offsets = Vec::new();
+        self.neighbours.shrink_to_fit();
+        self.weights.shrink_to_fit();
     }
 
     /// What it was made of.

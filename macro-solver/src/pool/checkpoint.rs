@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "pool";
 
 /// Counts changes of [`Record`], and of the name that seals the snapshots of the built-in engine.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 #[derive(Serialize, Deserialize)]
 struct Record {

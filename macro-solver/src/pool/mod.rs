@@ -29,7 +29,7 @@ pub use interrupt::Interrupt;
 pub use points::PointState;
 pub use report::{Reporter, WorkerReport};
 pub use settings::{HangPolicy, PoolSettings, Recycling};
-pub use statistics::{PoolStatistics, SolvedTrials, WorkerStatistics};
+pub use statistics::{DefinitionStatistics, PoolStatistics, SolvedTrials, WorkerStatistics};
 pub use supply::{JoiningWorkers, SupplyStatus, WorkerSupply};
 
 use crate::checkpoint::{Archive, CheckpointError, FailureCase};

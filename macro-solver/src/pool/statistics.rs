@@ -44,6 +44,45 @@ impl SolvedTrials {
     }
 }
 
+/// What workers solved of one RVE definition.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DefinitionStatistics {
+    /// Trials that came to their worker in messages of at least half as many as it solves side by side; the built-in engine solves fewer
+    /// one by one.
+    pub side_by_side: SolvedTrials,
+    /// All other trials.
+    pub one_by_one: SolvedTrials,
+    /// Trials with a tangent operator.
+    pub tangents: u64,
+    /// Trials without one.
+    pub without_tangent: u64,
+    /// Time of the tangent operators, s.
+    pub tangent_s: f64,
+}
+
+impl DefinitionStatistics {
+    /// Counts a trial with or without a tangent operator.
+    pub(super) fn add_tangent(&mut self, cost: &Cost, has_tangent: bool) {
+        self.tangents += u64::from(has_tangent);
+        self.without_tangent += u64::from(!has_tangent);
+        self.tangent_s += cost.tangent_nanoseconds as f64 * 1e-9;
+    }
+
+    /// Time that solving trials side by side has saved, by the time of a force evaluation of those that were solved one by one, s;
+    /// `None` without trials of both kinds.
+    pub fn seconds_saved_side_by_side(&self) -> Option<f64> {
+        let together = &self.side_by_side;
+        let alone = self.one_by_one.seconds_per_evaluation().filter(|_| together.trials > 0)?;
+        Some(alone * together.force_evaluations as f64 - together.seconds)
+    }
+
+    /// Time that the tangents of the other trials would have taken, s; `None` if none was computed.
+    pub fn seconds_saved_without_tangent(&self) -> Option<f64> {
+        let is_timed = self.tangents > 0 && self.tangent_s > 0.0;
+        is_timed.then(|| self.tangent_s / self.tangents as f64 * self.without_tangent as f64)
+    }
+}
+
 /// Totals since the pool began. Counts of trouble depend on what happened, times on the machine; the rest is
 /// deterministic as long as nothing fails.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -61,13 +100,8 @@ pub struct PoolStatistics {
     pub abandoned: u64,
     /// Force evaluations of all solved jobs.
     pub force_evaluations: u64,
-    /// Trials that came to their worker in messages of at least half as many as it solves side by side; the built-in engine solves fewer
-    /// one by one.
-    #[serde(default)]
-    pub side_by_side: SolvedTrials,
-    /// All other trials.
-    #[serde(default)]
-    pub one_by_one: SolvedTrials,
+    /// What workers solved, by RVE definition: times of different cells do not compare.
+    pub by_definition: Vec<DefinitionStatistics>,
     /// Jobs sent again because their worker was lost.
     pub reissued: u64,
     /// Workers that were welcomed.
@@ -124,6 +158,14 @@ pub struct PoolStatistics {
 }
 
 impl PoolStatistics {
+    /// What was solved of a definition, to be counted on.
+    pub(super) fn definition_mut(&mut self, number: usize) -> &mut DefinitionStatistics {
+        if self.by_definition.len() <= number {
+            self.by_definition.resize_with(number + 1, DefinitionStatistics::default);
+        }
+        &mut self.by_definition[number]
+    }
+
     /// Adds workers, and what has happened to them, that were counted before those of the earlier part of a resumed run were known.
     /// Whatever belongs to evaluations is left out: none has begun.
     pub(super) fn add_workers(&mut self, later: Self) {

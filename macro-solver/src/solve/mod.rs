@@ -22,5 +22,6 @@ mod stage;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub use crate::model::points::CouplingSize;
 pub use driver::{solve, solve_with_checkpoints};
 pub use equilibrium_stress::{EquilibriumError, equilibrium_stress};

@@ -3,7 +3,7 @@
 use macro_solver::material::error_estimate::ReplicaFigures;
 use macro_solver::observer::Statistics;
 use macro_solver::output::{Shortcut, Summary};
-use macro_solver::pool::PoolStatistics;
+use macro_solver::pool::{DefinitionStatistics, PoolStatistics};
 use std::collections::BTreeMap;
 
 /// What a scene allows.
@@ -116,30 +116,36 @@ pub(super) fn shortcuts(
     all.into_iter().map(|(name, shortcut)| (name.to_owned(), shortcut)).collect()
 }
 
-/// Trials solved side by side: the time of a force evaluation is compared with that of the trials solved one by one, if there were any.
+/// Trials solved side by side: the time of a force evaluation is compared with that of trials of equal cells solved one by one, where there
+/// were any.
 fn lanes(pool: &PoolStatistics, enabled: bool) -> Shortcut {
-    let (together, alone) = (&pool.side_by_side, &pool.one_by_one);
-    let as_alone = alone.seconds_per_evaluation().map(|seconds| seconds * together.force_evaluations as f64);
-    let is_taken = together.trials > 0;
+    let cells = &pool.by_definition;
+    let together: u64 = cells.iter().map(|cells| cells.side_by_side.trials).sum();
+    let alone: u64 = cells.iter().map(|cells| cells.one_by_one.trials).sum();
+    let in_messages: u64 = cells.iter().map(|cells| cells.side_by_side.in_messages).sum();
     Shortcut {
         enabled,
-        count: together.trials,
-        of: together.trials + alone.trials,
-        seconds_saved: as_alone.filter(|_| is_taken).map(|seconds| seconds - together.seconds),
-        trials_per_message: is_taken.then(|| together.in_messages as f64 / together.trials as f64),
+        count: together,
+        of: together + alone,
+        seconds_saved: sum_of_known(cells.iter().map(DefinitionStatistics::seconds_saved_side_by_side)),
+        trials_per_message: (together > 0).then(|| in_messages as f64 / together as f64),
         ..Shortcut::default()
     }
 }
 
-/// Evaluations without a tangent operator: each saves the mean time of those that were computed by workers.
+/// The sum of what is known; `None` if nothing is.
+fn sum_of_known(parts: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    parts.flatten().reduce(|sum, part| sum + part)
+}
+
+/// Evaluations without a tangent operator: each that a worker solved saves the mean time of the operators of equal cells.
 fn tangents_not_requested(statistics: &Statistics, pool: &PoolStatistics) -> Shortcut {
-    let count = statistics.evaluations.saturating_sub(statistics.tangents);
-    let is_timed = statistics.tangents > 0 && pool.tangent_s > 0.0;
+    let saved = pool.by_definition.iter().map(DefinitionStatistics::seconds_saved_without_tangent);
     Shortcut {
         enabled: true,
-        count,
+        count: statistics.evaluations.saturating_sub(statistics.tangents),
         of: statistics.evaluations,
-        seconds_saved: is_timed.then(|| pool.tangent_s / statistics.tangents as f64 * count as f64),
+        seconds_saved: sum_of_known(saved),
         ..Shortcut::default()
     }
 }
@@ -184,23 +190,58 @@ mod tests {
 
     #[test]
     fn lanes_save_the_time_that_the_same_evaluations_take_alone() {
-        let pool = PoolStatistics {
+        let cells = DefinitionStatistics {
             side_by_side: SolvedTrials { trials: 16, force_evaluations: 1000, seconds: 1.0, in_messages: 128 },
             one_by_one: SolvedTrials { trials: 2, force_evaluations: 100, seconds: 0.2, in_messages: 2 },
-            ..PoolStatistics::default()
+            ..DefinitionStatistics::default()
         };
+        let pool = PoolStatistics { by_definition: vec![cells], ..PoolStatistics::default() };
         let lanes = lanes(&pool, true);
         assert_eq!((lanes.count, lanes.of, lanes.trials_per_message), (16, 18, Some(8.0)));
         assert!((lanes.seconds_saved.unwrap() - 1.0).abs() < 1e-12);
         assert_eq!(in_words(&lanes, "trials"), "16 of 18 trials, 8.0 to a message, about 1.00 s of workers saved");
     }
 
+    /// Only small cells were solved one by one: their time says nothing about the large ones.
+    #[test]
+    fn cells_are_compared_with_cells_of_the_same_kind() {
+        let solved = |trials, force_evaluations, seconds| SolvedTrials {
+            trials,
+            force_evaluations,
+            seconds,
+            in_messages: trials,
+        };
+        let small = DefinitionStatistics {
+            side_by_side: solved(10, 1000, 1.0),
+            one_by_one: solved(1, 100, 0.3),
+            tangents: 10,
+            without_tangent: 1,
+            tangent_s: 0.5,
+        };
+        let large = DefinitionStatistics {
+            side_by_side: solved(10, 1000, 50.0),
+            tangents: 1,
+            without_tangent: 9,
+            tangent_s: 4.0,
+            ..DefinitionStatistics::default()
+        };
+        let pool = PoolStatistics { by_definition: vec![small, large], ..PoolStatistics::default() };
+        let shortcut = lanes(&pool, true);
+        assert_eq!((shortcut.count, shortcut.of), (20, 21));
+        assert!((shortcut.seconds_saved.unwrap() - 2.0).abs() < 1e-12, "{:?}", shortcut.seconds_saved);
+        let statistics = Statistics { evaluations: 21, tangents: 11, ..Statistics::default() };
+        let tangents = tangents_not_requested(&statistics, &pool);
+        assert!((tangents.seconds_saved.unwrap() - 36.05).abs() < 1e-12, "{:?}", tangents.seconds_saved);
+    }
+
     #[test]
     fn nothing_is_claimed_without_a_time_to_compare_with() {
-        let pool = PoolStatistics {
+        let cells = DefinitionStatistics {
             side_by_side: SolvedTrials { trials: 8, force_evaluations: 800, seconds: 1.0, in_messages: 64 },
-            ..PoolStatistics::default()
+            without_tangent: 8,
+            ..DefinitionStatistics::default()
         };
+        let pool = PoolStatistics { by_definition: vec![cells], ..PoolStatistics::default() };
         assert_eq!(lanes(&pool, true).seconds_saved, None);
         let statistics = Statistics { evaluations: 10, ..Statistics::default() };
         assert_eq!(tangents_not_requested(&statistics, &pool).seconds_saved, None);

@@ -5,6 +5,7 @@
 use crate::element::PointGeometry;
 use crate::element::integrals::{add_force, add_stiffness};
 use crate::model::assembly::block::{Block, BlockDofs};
+use crate::model::assembly::coupling::CoupledBody;
 use crate::model::body::{Body, degrees_of_freedom};
 use crate::model::loads::Loads;
 use crate::model::points::{Coupling, Points};
@@ -94,9 +95,8 @@ impl Body {
         }
         blocks.extend(loads.stiffness(&positions, moment));
         if let Some(coupling) = points.coupling() {
-            blocks.extend(
-                self.for_all_elements(|element| self.coupled_stiffness(element, &geometry, points.all(), coupling)),
-            );
+            let coupled = CoupledBody::new(self, coupling, &geometry, points.all());
+            blocks.extend(self.for_all_elements(|element| coupled.stiffness(element)));
         }
         Balance { internal, external: loads.force(&positions, moment), blocks, hourglass_energy }
     }

@@ -1,20 +1,21 @@
 //! Points whose stresses depend on the motion of others, because their strains are averaged over a neighbourhood.
 
 use super::{Point, Points};
-use crate::element::PointGeometry;
+use crate::formulation::AveragedModuli;
 use crate::formulation::tensor::{column, from_column};
-use crate::formulation::{AveragedModuli, Formulation, Operator};
-use crate::mesh::Mesh;
-use crate::nonlocal::NonlocalLayer;
+use crate::mesh::{Mesh, point_places, point_volumes};
+use crate::nonlocal::{NonlocalLayer, NonlocalOperator};
+use crate::problem::{Problem, Procedure, Stage};
 use nalgebra::Matrix3;
 use std::borrow::Cow;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// Which points of a stage are coupled, and how strongly.
 #[derive(Clone, Debug)]
 pub(crate) struct Coupling {
-    /// For every point those whose strains of this step it averages, with weights.
-    averaged: Vec<Vec<(usize, f64)>>,
+    /// The table of averages.
+    operator: Arc<NonlocalOperator>,
     /// For every point those whose stresses it integrates, with the weights of their averages; `None`: its own.
     integrated: Option<Vec<Vec<(usize, f64)>>>,
     /// For every element the nodes that move what its forces depend on, ascending.
@@ -25,8 +26,6 @@ impl Coupling {
     /// The couplings that averages bring about on a mesh.
     pub(super) fn new(mesh: &Mesh, neighbours: &NonlocalLayer) -> Self {
         let operator = neighbours.operator();
-        let averaged: Vec<Vec<(usize, f64)>> =
-            (0..operator.len()).map(|point| operator.row_of_this_step(point).collect()).collect();
         let integrated = neighbours.is_adjoint().then(|| {
             let mut integrated = vec![Vec::new(); operator.len()];
             for point in 0..operator.len() {
@@ -34,7 +33,7 @@ impl Coupling {
             }
             integrated
         });
-        let mut coupling = Self { averaged, integrated, nodes: Vec::new() };
+        let mut coupling = Self { operator: operator.clone(), integrated, nodes: Vec::new() };
         let first_points = mesh.first_points();
         let mut element_of = vec![0; operator.len()];
         for element in 0..mesh.elements.len() {
@@ -60,7 +59,7 @@ impl Coupling {
 
     /// Points on whose motion the stress depends that a point integrates.
     fn reach(&self, point: usize) -> BTreeSet<usize> {
-        let averaged_by = |point: usize| self.averaged[point].iter().map(|(other, _)| *other);
+        let averaged_by = |point: usize| self.averaged(point).map(|(other, _)| other);
         match &self.integrated {
             None => averaged_by(point).collect(),
             Some(integrated) => {
@@ -70,45 +69,23 @@ impl Coupling {
         }
     }
 
-    /// Whether stresses are averaged on their way to the elements.
-    pub(super) fn integrates_averages(&self) -> bool {
-        self.integrated.is_some()
+    /// The points whose strains of this step a point averages, with weights.
+    pub(crate) fn averaged(&self, point: usize) -> impl Iterator<Item = (usize, f64)> {
+        self.operator.row_of_this_step(point)
     }
 
-    /// For every point on which the stress integrated at the point `number` depends: the change of that stress, times its volume, with
-    /// the displacement gradient there, N m.
-    pub(crate) fn moduli(
-        &self,
-        number: usize,
-        points: &[Point],
-        geometry: &[PointGeometry],
-        formulation: Formulation,
-    ) -> BTreeMap<usize, Operator> {
-        let mut moduli: BTreeMap<usize, Operator> = BTreeMap::new();
-        let mut add_averages = |source: usize, share: f64| {
-            let seen = share * points[source].averaged(formulation).seen;
-            for &(other, weight) in &self.averaged[source] {
-                *moduli.entry(other).or_insert_with(Operator::zeros) += weight * seen;
-            }
+    /// The points whose stresses are integrated at a point, with the weights of their averages: itself, unless stresses are averaged.
+    pub(crate) fn sources(&self, point: usize) -> impl Iterator<Item = (usize, f64)> {
+        let (own, others) = match &self.integrated {
+            None => (Some((point, 1.0)), &[][..]),
+            Some(integrated) => (None, integrated[point].as_slice()),
         };
-        match &self.integrated {
-            None => add_averages(number, geometry[number].volume),
-            Some(integrated) => {
-                for &(source, weight) in &integrated[number] {
-                    add_averages(source, weight * geometry[source].volume);
-                }
-            }
-        }
-        for (&other, moduli) in &mut moduli {
-            *moduli *= points[other].averaged(formulation).strain;
-        }
-        for &(source, weight) in self.integrated.iter().flat_map(|integrated| &integrated[number]) {
-            // The volume that the stress of the source stands for changes too.
-            let own = points[source].averaged(formulation).own
-                + formulation.volumetric_moduli(&points[source].response.stress);
-            *moduli.entry(source).or_insert_with(Operator::zeros) += weight * geometry[source].volume * own;
-        }
-        moduli
+        own.into_iter().chain(others.iter().copied())
+    }
+
+    /// Whether stresses are averaged on their way to the elements.
+    pub(crate) fn integrates_averages(&self) -> bool {
+        self.integrated.is_some()
     }
 }
 
@@ -133,11 +110,48 @@ impl Points {
         let change = |(number, moduli): (usize, &Cow<'_, AveragedModuli>)| {
             let stress = &self.points[number].response.stress;
             let mut change = (moduli.own + self.formulation.geometric_moduli(stress)) * column(&gradients[number]);
-            for &(other, weight) in &coupling.averaged[number] {
+            for (other, weight) in coupling.averaged(number) {
                 change += weight * (moduli.seen * strains[other]);
             }
             from_column(&change)
         };
         averaged.iter().enumerate().map(change).collect()
     }
+}
+
+/// How much the averages of a stage over neighbouring points couple.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CouplingSize {
+    /// Pairs of a point and one that it averages.
+    pub pairs: usize,
+    /// Entries of the stiffness between elements, 0 where none is formed.
+    pub entries: usize,
+}
+
+impl Problem {
+    /// Of the stage whose averages couple most; zero without averages. The problem has been checked.
+    pub fn coupling_size(&self) -> CouplingSize {
+        let sizes = self.stages.iter().filter_map(|stage| {
+            let neighbours = neighbours(self, stage)?;
+            let pairs = (0..neighbours.operator().len()).map(|point| neighbours.operator().row(point).count()).sum();
+            let entries = if stage.procedure == Procedure::Implicit {
+                let coupling = Coupling::new(&self.mesh, &neighbours);
+                let dofs = |nodes: usize| self.mesh.dimension.count() * nodes;
+                let rows = self.mesh.elements.iter().map(|nodes| dofs(nodes.len()));
+                rows.enumerate().map(|(element, rows)| rows * dofs(coupling.nodes(element).len())).sum()
+            } else {
+                0
+            };
+            Some(CouplingSize { pairs, entries })
+        });
+        sizes.max_by_key(|size| (size.entries, size.pairs)).unwrap_or_default()
+    }
+}
+
+/// The averages of a stage that has any.
+pub(super) fn neighbours(problem: &Problem, stage: &Stage) -> Option<NonlocalLayer> {
+    let settings = stage.nonlocal.as_ref()?;
+    let periods = problem.periods(stage).expect("checked before the run");
+    let (places, volumes) = (point_places(&problem.mesh), point_volumes(&problem.mesh));
+    Some(NonlocalLayer::new(&places, &volumes, &periods, settings).expect("checked before the run"))
 }

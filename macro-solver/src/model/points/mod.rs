@@ -12,12 +12,13 @@ mod record;
 mod secant;
 
 pub(crate) use coupling::Coupling;
+pub use coupling::CouplingSize;
 pub(crate) use point::Point;
 pub(crate) use record::{PointRecord, copy};
 
 use crate::formulation::corotation::Polar;
 use crate::formulation::{Formulation, Operator};
-use crate::mesh::{Dimension, point_places, point_volumes};
+use crate::mesh::Dimension;
 use crate::nonlocal::NonlocalLayer;
 use crate::observer::FlagCounts;
 use crate::problem::{Problem, Procedure, SecantSettings, Stage};
@@ -93,11 +94,7 @@ impl Points {
     fn choose_neighbours(&mut self, problem: &Problem, number: usize) {
         let stage = &problem.stages[number];
         let before = self.neighbours.take().map(|neighbours| neighbours.previous().to_vec());
-        self.neighbours = stage.nonlocal.as_ref().map(|settings| {
-            let periods = problem.periods(stage).expect("checked before the run");
-            let (places, volumes) = (point_places(&problem.mesh), point_volumes(&problem.mesh));
-            let mut neighbours =
-                NonlocalLayer::new(&places, &volumes, &periods, settings).expect("checked before the run");
+        self.neighbours = coupling::neighbours(problem, stage).map(|mut neighbours| {
             before.into_iter().for_each(|strains| neighbours.commit(strains));
             neighbours
         });

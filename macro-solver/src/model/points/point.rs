@@ -104,7 +104,7 @@ impl Point {
     }
 
     /// Parts of the moduli with averages; before the first tangent of the stage those that its last moduli leave.
-    pub(super) fn averaged(&self, formulation: Formulation) -> Cow<'_, AveragedModuli> {
+    pub(crate) fn averaged(&self, formulation: Formulation) -> Cow<'_, AveragedModuli> {
         match &self.averaged {
             Some(averaged) => Cow::Borrowed(averaged),
             None => Cow::Owned(formulation.averaged_moduli_of(&self.response)),

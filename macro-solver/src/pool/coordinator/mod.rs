@@ -195,8 +195,13 @@ impl Coordinator {
             ValidatedReply::Done { answer, state, overhead_nanoseconds, replayed } => {
                 let job = &self.batch.jobs[index];
                 self.throughputs[job.definition].learn(&answer.cost);
-                let solved = (!answer.flags.contains(TrialFlags::SKIPPED_NULL_TARGET)).then_some(job.in_message);
-                self.count_cost(worker, &answer.cost, overhead_nanoseconds, solved);
+                let (definition, in_message, has_tangent) =
+                    (job.definition, job.in_message, answer.tangent.is_some());
+                self.count_cost(worker, &answer.cost, overhead_nanoseconds);
+                self.statistics.definition_mut(definition).add_tangent(&answer.cost, has_tangent);
+                if !answer.flags.contains(TrialFlags::SKIPPED_NULL_TARGET) {
+                    self.count_solved(worker, definition, &answer.cost, in_message);
+                }
                 self.statistics.replayed_trials += u64::from(replayed);
                 self.workers.edit(worker, |known| known.cache.touch(state.id));
                 self.retire_after_jobs(worker);
@@ -230,8 +235,8 @@ impl Coordinator {
         }
     }
 
-    /// Counts an answer; `solved` is the number of jobs in its message, unless nothing was solved.
-    fn count_cost(&mut self, worker: WorkerId, cost: &Cost, overhead_nanoseconds: u64, solved: Option<usize>) {
+    /// Counts an answer.
+    fn count_cost(&mut self, worker: WorkerId, cost: &Cost, overhead_nanoseconds: u64) {
         let solve = cost.solve_nanoseconds as f64 * 1e-9;
         let tangent = cost.tangent_nanoseconds as f64 * 1e-9;
         let overhead = overhead_nanoseconds as f64 * 1e-9;
@@ -245,11 +250,16 @@ impl Coordinator {
             let figures = &mut totals.workers[known.statistics];
             figures.jobs += 1;
             figures.busy_s += solve + tangent + overhead;
-            if let Some(in_message) = solved {
-                let is_together = known.side_by_side > 1 && 2 * in_message >= known.side_by_side;
-                let group = if is_together { &mut totals.side_by_side } else { &mut totals.one_by_one };
-                group.add(cost, in_message);
-            }
+        }
+    }
+
+    /// Counts a trial that a worker has solved, in a message of `in_message` trials.
+    fn count_solved(&mut self, worker: WorkerId, definition: usize, cost: &Cost, in_message: usize) {
+        if let Some(known) = self.workers.get(worker) {
+            let figures = self.statistics.definition_mut(definition);
+            let is_together = known.side_by_side > 1 && 2 * in_message >= known.side_by_side;
+            let group = if is_together { &mut figures.side_by_side } else { &mut figures.one_by_one };
+            group.add(cost, in_message);
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::solve::linear_solver::krylov::{Columns, IncompleteFactors};
 use faer::prelude::Solve;
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
+use std::num::NonZeroUsize;
 use thiserror::Error;
 
 /// The equations cannot be solved.
@@ -45,12 +46,42 @@ const LARGEST_PROBE_ERROR: f64 = 1e-3;
 const ITERATIVE_TOLERANCE: f64 = 1e-9;
 const MOST_ITERATIONS: u64 = 1000;
 
+/// Rows of one column while the pattern is collected.
+#[derive(Clone, Debug, Default)]
+struct Column {
+    rows: Vec<usize>,
+    /// Number of rows when they were last sorted.
+    sorted: usize,
+}
+
+impl Column {
+    /// Adds rows, known or not. Blocks name most rows many times, so they are sorted whenever they have doubled.
+    fn add(&mut self, rows: &[usize]) {
+        self.rows.extend_from_slice(rows);
+        if self.rows.len() > 2 * self.sorted.max(64) {
+            self.sort();
+        }
+    }
+
+    /// All rows, ascending.
+    fn into_rows(mut self) -> Vec<usize> {
+        self.sort();
+        self.rows
+    }
+
+    fn sort(&mut self) {
+        self.rows.sort_unstable();
+        self.rows.dedup();
+        self.sorted = self.rows.len();
+    }
+}
+
 /// The global matrix over the unknowns and its factors.
 pub(super) struct LinearSolver {
     pattern: SymbolicSparseColMat<usize>,
     values: Vec<f64>,
-    /// For every entry of every block, in order: its place in `values`; `None` in prescribed rows or columns.
-    places: Vec<Option<usize>>,
+    /// For every entry of every block, in order: its place in `values`, from 1; `None` in prescribed rows or columns.
+    places: Vec<Option<NonZeroUsize>>,
     symbolic: Option<SymbolicLu<usize>>,
     factors: Option<Lu<usize, f64>>,
     method: EquationSolver,
@@ -71,34 +102,33 @@ impl LinearSolver {
         method: EquationSolver,
     ) -> Self {
         let size = constraints.free().len();
-        let mut columns: Vec<Vec<usize>> = vec![Vec::new(); size];
+        let mut columns = vec![Column::default(); size];
         let unknowns = |dofs: &[usize]| dofs.iter().filter_map(|&dof| constraints.unknown(dof)).collect::<Vec<_>>();
         for dofs in blocks.clone() {
             let (rows, others) = (unknowns(&dofs.rows), unknowns(dofs.columns()));
             for &column in &others {
-                columns[column].extend_from_slice(&rows);
+                columns[column].add(&rows);
             }
             if rows != others {
                 // The incomplete factors rely on a symmetric pattern, also where distances differ by rounding.
-                rows.iter().for_each(|&row| columns[row].extend_from_slice(&others));
+                rows.iter().for_each(|&row| columns[row].add(&others));
             }
         }
         let mut starts = vec![0];
         let mut rows = Vec::new();
-        for column in &mut columns {
-            column.sort_unstable();
-            column.dedup();
-            rows.extend_from_slice(column);
+        for column in columns {
+            rows.extend(column.into_rows());
             starts.push(rows.len());
         }
         let mut places = Vec::new();
         for dofs in blocks {
             for &row in &dofs.rows {
                 for &column in dofs.columns() {
-                    places.push(constraints.unknown(row).zip(constraints.unknown(column)).map(|(row, column)| {
-                        let within =
-                            columns[column].binary_search(&row).expect("the pattern holds every block entry");
-                        starts[column] + within
+                    let unknowns = constraints.unknown(row).zip(constraints.unknown(column));
+                    places.push(unknowns.and_then(|(row, column)| {
+                        let known = &rows[starts[column]..starts[column + 1]];
+                        let within = known.binary_search(&row).expect("the pattern holds every block entry");
+                        NonZeroUsize::new(starts[column] + within + 1)
                     }));
                 }
             }
@@ -172,7 +202,7 @@ impl LinearSolver {
         let entries = blocks.iter().flat_map(|block| &block.matrix);
         for (place, entry) in self.places.iter().zip(entries) {
             if let Some(place) = place {
-                self.values[*place] += entry;
+                self.values[place.get() - 1] += entry;
             }
         }
         self.factorize_values()
