@@ -86,7 +86,7 @@ typedef struct grainspan_engine {
     uint32_t space;                /* 1: serves three */
     uint32_t linear;               /* 1: serves the contact law "linear" */
     uint32_t hertz_mindlin;        /* 1: serves "hertz_mindlin" */
-    double largest_target;         /* largest |H| of a trial; targets beyond it are refused for the engine */
+    double largest_target;         /* largest |H| of a trial, above 0, INFINITY for none; beyond it targets are refused */
 
     /* A new RVE in its initial committed state, or NULL with a reason. */
     void *(*create)(const grainspan_cell *cell, char *reason, size_t length);

@@ -30,6 +30,12 @@ pub enum JoinFileError {
         /// What is wrong.
         reason: String,
     },
+    /// It is not there.
+    #[error(
+        "{}: there is no such file\nhint: a run writes the file `join` into its output folder when it begins to listen, and removes it when it ends",
+        .0.display()
+    )]
+    Missing(PathBuf),
     /// An endpoint without a secret.
     #[error(
         "`{0}` needs a secret: give --secret FILE, the same as the run, or --join the file `join` in the run's output folder"
@@ -40,7 +46,7 @@ pub enum JoinFileError {
 impl JoinFileError {
     /// Whether the file is not there, and may yet come.
     pub fn is_missing(&self) -> bool {
-        matches!(self, Self::Secret(SecretError::File { source, .. }) if source.kind() == std::io::ErrorKind::NotFound)
+        matches!(self, Self::Missing(_))
     }
 }
 
@@ -100,8 +106,13 @@ impl JoinFile {
     /// It cannot be read, others may read it, or it is none.
     pub fn read(path: &Path) -> Result<Target, JoinFileError> {
         let failed = |reason: String| JoinFileError::Content { path: path.to_owned(), reason };
-        let content: Content =
-            toml::from_str(&read_private(path)?).map_err(|error| failed(error.message().to_owned()))?;
+        let text = read_private(path).map_err(|error| match error {
+            SecretError::File { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                JoinFileError::Missing(path.to_owned())
+            }
+            error => error.into(),
+        })?;
+        let content: Content = toml::from_str(&text).map_err(|error| failed(error.message().to_owned()))?;
         if content.endpoints.is_empty() {
             return Err(failed("it names no endpoint".to_owned()));
         }

@@ -42,6 +42,9 @@ pub enum JoinError {
     /// The run does not take this agent.
     #[error("the run refused this host: {0}")]
     Refused(String),
+    /// What is given here does not lead to a run.
+    #[error("{0}")]
+    Given(String),
     /// Nobody listens there, or the way is blocked.
     #[error("{0}")]
     Unreachable(String),
@@ -161,7 +164,7 @@ impl Link {
             let joined = target().and_then(|target| Self::join(&target, state_bytes, limits, waker.cloned()));
             let error = match joined {
                 Ok(link) => return Ok(link),
-                Err(error @ JoinError::Refused(_)) => return Err(error),
+                Err(error @ (JoinError::Refused(_) | JoinError::Given(_))) => return Err(error),
                 Err(error) => error,
             };
             if begin.elapsed() + pause > timeout || !go_on() {
@@ -230,7 +233,7 @@ async fn run_connection(
         reached = timeout(ATTEMPT, reach(endpoint, Arc::clone(&config), state_bytes, &limits))
             .await
             .unwrap_or_else(|_| Err(JoinError::Unreachable(format!("{endpoint} does not answer"))));
-        if matches!(reached, Ok(_) | Err(JoinError::Refused(_))) {
+        if matches!(reached, Ok(_) | Err(JoinError::Refused(_) | JoinError::Given(_))) {
             break;
         }
     }

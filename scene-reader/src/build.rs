@@ -136,7 +136,7 @@ impl Scene {
             file.checkpoint.over(&CheckpointPolicy::default()).map_err(|fault| document.fault(&fault))?;
         let (engines, pool) = workers(&document, &file, &problem)?;
         let remarks = [document.warnings().to_vec(), remarks_on(&problem), narrow_cells(&materials)].concat();
-        let scene = Self {
+        let mut scene = Self {
             name,
             document,
             problem,
@@ -159,6 +159,7 @@ impl Scene {
             remarks,
         };
         scene.check_preparation()?;
+        scene.remarks.extend(scene.frames_out_of_balance());
         Ok(scene)
     }
 

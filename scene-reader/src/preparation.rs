@@ -66,6 +66,16 @@ impl Scene {
         Ok(())
     }
 
+    /// A remark on frames that are cut from prepared cells.
+    pub(crate) fn frames_out_of_balance(&self) -> Option<String> {
+        let frame = self.definition().options().frame.as_ref()?;
+        (self.preparation().is_some() && !frame.shared_sides).then(|| {
+            "initial_stress: cells are brought to their stress as periodic cells; in the frames cut from them stresses are off by some per \
+             cent, so that the first step begins out of balance; rve.frame.shared_sides = true keeps them"
+                .to_owned()
+        })
+    }
+
     /// Brings the cells to the stress of their points if the scene asks for it, on all cores; the result does not depend on their number.
     /// `progress` is called from any thread with the number of cells done and says whether to go on. Returns `false`, with nothing changed,
     /// if it said no.

@@ -231,6 +231,13 @@ impl EngineAssignment {
         parts.collect::<Vec<_>>().join(", ")
     }
 
+    /// Engines outside this program with their versions: those inside are of its own build.
+    pub(crate) fn outside_versions(&self) -> String {
+        let outside = self.engines.iter().filter(|assigned| !assigned.engine.is_of_this_program());
+        let parts = outside.map(|assigned| format!("{} {}", assigned.engine.name, assigned.capabilities.version));
+        parts.collect::<Vec<_>>().join(", ")
+    }
+
     /// Engines with their versions and numbers of points, for the summary.
     pub(crate) fn description(&self) -> String {
         let parts: Vec<String> = (self.engines.iter().enumerate())

@@ -1,8 +1,10 @@
 //! `engines.toml`: the commands behind engine names.
 
+use crate::build_info::running_program;
 use anyhow::{Context, bail};
 use grain_pool::processes::Engine;
 use rve_server::server::{BUILT_IN_ENGINES, built_in_engine};
+use scene_reader::BUILT_IN_ENGINE;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -63,15 +65,13 @@ impl Catalogue {
     /// There is none; the text lists the known names and the file they come from.
     pub(crate) fn find(&self, name: &str) -> anyhow::Result<Engine> {
         if built_in_engine(name).is_some() {
-            let program = std::env::current_exe().context("could not find this program")?;
-            return Ok(Engine::built_in(name, program));
+            return Ok(Engine::built_in(name, running_program()));
         }
         if let Some(engine) = self.engines.get(name) {
             return Ok(engine.clone());
         }
-        let known: Vec<&str> = BUILT_IN_ENGINES
-            .iter()
-            .map(|engine| engine.keyword)
+        let known: Vec<&str> = std::iter::once(BUILT_IN_ENGINE)
+            .chain(BUILT_IN_ENGINES.iter().map(|engine| engine.keyword))
             .chain(self.engines.keys().map(String::as_str))
             .collect();
         let place = match &self.path {

@@ -1,4 +1,6 @@
 //! SIGINT, SIGTERM and SIGHUP: the first requests a stop in good order, the second ends the process.
+//!
+//! What follows within half a second belongs to the first request: `timeout` and schedulers send a signal to the process and to its group.
 
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
@@ -6,10 +8,14 @@ use macro_solver::pool::Interrupt;
 use protocol::transport::Waker;
 use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// Exit code of a run that was interrupted.
 const INTERRUPTED: i32 = 130;
+
+/// Time within which signals are one request.
+const ONE_REQUEST: Duration = Duration::from_millis(500);
 
 /// Watches for SIGINT, SIGTERM and SIGHUP on a thread of its own until the process ends.
 #[derive(Clone)]
@@ -57,7 +63,13 @@ impl SignalWatch {
             if let Some(waker) = waker.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
                 waker.wake();
             }
-            runtime.block_on(next(&mut signals));
+            let first = Instant::now();
+            loop {
+                runtime.block_on(next(&mut signals));
+                if first.elapsed() > ONE_REQUEST {
+                    break;
+                }
+            }
             // The kernel ends the workers with this process.
             std::process::exit(INTERRUPTED);
         })?;

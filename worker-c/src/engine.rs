@@ -93,6 +93,15 @@ impl ForeignEngine {
     }
 }
 
+impl ForeignEngine {
+    /// What is wrong with its numbers, if anything.
+    pub(crate) fn defect(&self) -> Option<&'static str> {
+        // Also where it is not a number.
+        let is_positive = self.largest_target > 0.0;
+        (!is_positive).then_some("largest_target of the engine must be positive: the largest |F - I| of one trial, INFINITY without a limit")
+    }
+}
+
 impl RveEngine for ForeignEngine {
     fn capabilities(&self) -> Capabilities {
         Capabilities {

@@ -41,6 +41,9 @@ pub unsafe extern "C" fn grainspan_serve(run: *const c_char, engine: *const Engi
     let (Some(engine), Some(run)) = (unsafe { ForeignEngine::read(engine) }, unsafe { text(run) }) else {
         return complain("a function of the engine or its name is missing");
     };
+    if let Some(defect) = engine.defect() {
+        return complain(defect);
+    }
     served(&run, engine)
 }
 
@@ -72,6 +75,9 @@ pub unsafe extern "C" fn grainspan_print_capabilities(engine: *const EngineTable
     let Some(engine) = (unsafe { ForeignEngine::read(engine) }) else {
         return complain("a function of the engine or its name is missing");
     };
+    if let Some(defect) = engine.defect() {
+        return complain(defect);
+    }
     let text = serde_json::to_string(&engine.capabilities()).expect("capabilities have no unserialisable parts");
     match writeln!(std::io::stdout(), "{text}") {
         Ok(()) => DONE,

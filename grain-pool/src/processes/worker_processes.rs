@@ -1,6 +1,6 @@
 //! The worker processes of one engine in one run.
 
-use super::engine::Engine;
+use super::engine::{Engine, RUNNING_PROGRAM};
 use super::launch::launched;
 use super::restart_backoff::RestartBackoff;
 use super::stderr_tail::StderrTail;
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io;
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -32,6 +32,9 @@ const STOPPED_LIMIT: Duration = Duration::from_secs(5);
 
 /// The same as [`JOIN_TIMEOUT`] for engines outside this program: some load an interpreter and half a gigabyte of libraries.
 const EXTERNAL_JOIN_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Name of the workers of the running program in lists of processes and in messages.
+const OWN_NAME: &str = "grainspan";
 
 /// Consecutive replacements that may end before they have completed a job.
 const RESTARTS: u32 = 20;
@@ -76,6 +79,16 @@ impl LaunchPlan {
             restarts: RESTARTS,
             join_timeout: if engine.is_of_this_program() { JOIN_TIMEOUT } else { EXTERNAL_JOIN_TIMEOUT },
         }
+    }
+
+    /// Whether workers are further processes of the program that starts them.
+    fn is_running_program(&self) -> bool {
+        self.program == Path::new(RUNNING_PROGRAM)
+    }
+
+    /// The program as people know it.
+    fn shown_program(&self) -> String {
+        if self.is_running_program() { OWN_NAME.to_owned() } else { self.program.display().to_string() }
     }
 }
 
@@ -145,6 +158,9 @@ impl WorkerProcesses {
 
     fn spawn(&mut self) -> io::Result<()> {
         let mut command = Command::new(&self.plan.program);
+        if self.plan.is_running_program() {
+            command.arg0(OWN_NAME);
+        }
         // A process group of their own: Ctrl-C is for the macro, which then dismisses its workers in good order.
         command
             .args(&self.plan.arguments)
@@ -176,8 +192,7 @@ impl WorkerProcesses {
         let text = if stderr.is_empty() { how } else { format!("{how}: {stderr}") };
         tracing::info!(pid, text, "worker process ended");
         let before = if ended.joined { "" } else { " before it joined" };
-        self.last_end =
-            Some(format!("worker process {pid} of {} ended{before}: {text}", self.plan.program.display()));
+        self.last_end = Some(format!("worker process {pid} of {} ended{before}: {text}", self.plan.shown_program()));
         // A worker that signed off was replaced at that moment.
         if ended.leaving.is_some() {
             return;

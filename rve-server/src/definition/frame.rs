@@ -1,5 +1,6 @@
 //! The key `frame` of `[rve]`: a frame of boundary grains [Liu2018] in place of a periodic cell.
 
+use crate::error::DefinitionError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -65,4 +66,25 @@ pub struct CellFrame {
     /// Most corrections of the servo in one trial.
     #[schemars(extend("x-default" = "500"), range(min = 1))]
     pub most_corrections: Option<u32>,
+}
+
+impl CellFrame {
+    /// Refuses keys that have no effect with the others.
+    ///
+    /// # Errors
+    /// The key and what it needs.
+    pub(super) fn refuse_unused(&self) -> Result<(), DefinitionError> {
+        let is_servo = matches!(self.control, FrameControl::Servo { .. });
+        let is_periodic = self.constraint == FrameConstraint::Periodic;
+        let unused = [
+            (self.most_corrections.is_some() && !is_servo, "most_corrections", "control = { servo = { ... } }"),
+            (is_servo && !is_periodic, "control = { servo = ... }", "constraint = \"periodic\""),
+        ];
+        match unused.iter().find(|(is_unused, ..)| *is_unused) {
+            Some((_, key, needed)) => Err(DefinitionError(format!(
+                "rve.frame.{key} has no effect without {needed}; leave it out, or write that"
+            ))),
+            None => Ok(()),
+        }
+    }
 }

@@ -225,6 +225,7 @@ impl RveOptions {
                     .into(),
             ));
         }
+        self.frame.as_ref().map_or(Ok(()), CellFrame::refuse_unused)?;
         match (self.damping, self.criterion) {
             (Damping::Fire, Criterion::MaxForce) | (Damping::Local, Criterion::Energy) => Ok(()),
             (damping, criterion) => Err(DefinitionError(format!(
@@ -331,6 +332,11 @@ mod tests {
         options("frame = { constraint = \"traction\" }").unwrap();
         let servo = options("frame = { control = { servo = { gain = 2.5 } } }").unwrap_err();
         assert!(servo.contains("rve.frame.control.servo.gain"), "{servo}");
+        let unused = options("frame = { most_corrections = 5 }").unwrap_err();
+        assert!(unused.contains("rve.frame.most_corrections has no effect"), "{unused}");
+        let unused =
+            options("frame = { constraint = \"linear\", control = { servo = { gain = 1.0 } } }").unwrap_err();
+        assert!(unused.contains("has no effect without constraint"), "{unused}");
         assert!(options("frame = { servo_tolerance = 0 }").unwrap_err().contains("rve.frame.servo_tolerance"));
         assert!(options("accuracy = \"best\"").unwrap_err().contains("draft"));
         assert!(options("max_steps = 0").unwrap_err().contains("rve.max_steps must be at least 1"));

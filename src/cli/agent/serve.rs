@@ -46,7 +46,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             Ok(AgentEnd::RunEnded(_)) if arguments.standing => {}
             Ok(AgentEnd::RunEnded(_)) => return Ok(Exit::Done),
             Ok(AgentEnd::Interrupted) => return Ok(Exit::Interrupted),
-            Err(AgentError::Join(error @ (JoinError::Refused(_) | JoinError::Untrusted(..)))) => {
+            Err(AgentError::Join(
+                error @ (JoinError::Refused(_) | JoinError::Given(_) | JoinError::Untrusted(..)),
+            )) => {
                 return Err(Failure::new(Exit::BadInput, error));
             }
             Err(error) => return Err(Failure::new(Exit::WorkersLost, error)),
@@ -93,7 +95,7 @@ fn find_target(join: &str, secret: Option<&std::path::Path>) -> Result<Target, J
         if error.is_missing() {
             JoinError::Unreachable(error.to_string())
         } else {
-            JoinError::Refused(error.to_string())
+            JoinError::Given(error.to_string())
         }
     })
 }

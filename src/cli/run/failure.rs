@@ -5,7 +5,7 @@ use crate::cli::start_state::{self, LoadComparison, PackingState};
 use crate::exit::{Exit, Failure};
 use macro_solver::checkpoint::FailureCase;
 use macro_solver::observer::{Outcome, Run};
-use macro_solver::problem::Stage;
+use macro_solver::problem::{Applied, Condition, Moment, Stage};
 use rve_server::engine::ENGINE_NAME;
 use scene_reader::Scene;
 
@@ -39,7 +39,8 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engi
                 ),
                 None if run.has_no_start() => format!(
                     "the run found no equilibrium at the start{stage}: {reason}\nhint: the loads that act from the start are more than the \
-                     body bears as it is given, or its supports do not hold it; {}",
+                     body bears as it is given, or its supports do not hold it; {}{}",
+                    friction_at_once(scene),
                     start_state::remedy(scene)
                 ),
                 None if stands_still(scene, run) => format!(
@@ -130,6 +131,21 @@ fn no_start(scene: &Scene, run: &Run) -> Option<String> {
     }
     let is_far_from_rest = packings.iter().any(|packing| packing.is_far_from_rest);
     is_far_from_rest.then(|| start_state::remarks(&packings, PackingState::remarks_on_the_law).join("; "))
+}
+
+/// What friction that is reduced from the first moment on may have to do with it; empty otherwise.
+fn friction_at_once(scene: &Scene) -> &'static str {
+    let start = Moment { load: 0.0, time: 0.0 };
+    let is_reduced = |applied: &Applied| match applied.condition {
+        Condition::Friction { from, to, .. } => from + applied.history.factor(start) * (to - from) < 1.0,
+        _ => false,
+    };
+    match scene.problem.stages.first() {
+        Some(stage) if stage.conditions.iter().any(is_reduced) => {
+            "its friction is reduced from the first moment on: history = \"ramp\" in [[friction]] reduces it along the stage; "
+        }
+        _ => "",
+    }
 }
 
 /// A further hint about a motion: energy that it was not given may come from a packing that is far from rest; empty otherwise.

@@ -64,6 +64,9 @@ pub(super) struct Contents {
     pub(super) mesh: String,
     /// The engines with their points; `--engine` takes the place of the one in the scene.
     pub(super) engines: String,
+    /// Versions of the engines outside this program.
+    #[serde(default)]
+    pub(super) versions: String,
 }
 
 impl Contents {
@@ -74,6 +77,7 @@ impl Contents {
             // In full: the display of an identity is a shortened one.
             mesh: scene.mesh_identity.map_or_else(String::new, |identity| format!("{identity:?}")),
             engines: assignment.by_points(),
+            versions: assignment.outside_versions(),
         }
     }
 
@@ -90,6 +94,7 @@ impl Contents {
             definition: part("definition", &now.definition),
             mesh: part("mesh", &now.mesh),
             engines: part("points", &now.engines),
+            versions: now.versions.clone(),
         }
     }
 
@@ -208,7 +213,14 @@ pub(super) fn start(folder: &Path, description: &RunDescription, files: &[&Input
                     earlier.program, description.program
                 ));
             }
-            let other_build = is_other_build || earlier.other_builds;
+            let is_other_engine = earlier.contents.versions != description.contents.versions;
+            if is_other_engine {
+                remarks.push(format!(
+                    "the checkpoint was written with engines of another version ({}, now {}): the rest of the run is that of the new ones",
+                    earlier.contents.versions, description.contents.versions
+                ));
+            }
+            let other_build = is_other_build || is_other_engine || earlier.other_builds;
             Ok(Start::From(Box::new(Continued { archive: *archive, description: earlier, remarks, other_build })))
         }
         StoredCheckpoint::Nothing => {
@@ -314,8 +326,12 @@ mod tests {
     use super::*;
 
     fn note(scene: &str) -> RunDescription {
-        let contents =
-            Contents { definition: "definition".into(), mesh: "a".into(), engines: "grains (0 to 3)".into() };
+        let contents = Contents {
+            definition: "definition".into(),
+            mesh: "a".into(),
+            engines: "grains (0 to 3)".into(),
+            ..Contents::default()
+        };
         RunDescription::new(scene, contents)
     }
 
@@ -458,6 +474,17 @@ mod tests {
         assert_eq!(continued(&this_program()), (false, 0));
         assert_eq!(continued("another"), (true, 1));
         assert_eq!(continued("another"), (true, 0));
+    }
+
+    #[test]
+    fn another_version_of_an_engine_outside_is_remarked_and_counts_as_another_build() {
+        let folder = damaged();
+        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
+        let mut now = note("a = 1");
+        now.contents.versions = "mine 2".into();
+        let Start::From(continued) = start(folder.path(), &now, &[]).unwrap() else { panic!("not continued") };
+        assert!(continued.other_build);
+        assert!(continued.remarks.iter().any(|remark| remark.contains("now mine 2")), "{:?}", continued.remarks);
     }
 
     #[test]

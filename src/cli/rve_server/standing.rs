@@ -3,6 +3,7 @@
 //! A run is served once. Whatever ended it, the next is recognised by its own prefix in shared memory, so a worker that
 //! was dismissed does not join the same run again; one that was asked to make room for a new worker restarts itself.
 
+use crate::build_info::running_program;
 use crate::exit::{Exit, Failure};
 use protocol::transport::shared_memory::{RunDirectory, RunError, SharedMemoryWorkerPort};
 use rve_server::server::{ExitReason, ServeError};
@@ -66,9 +67,11 @@ fn log_end(run: &str, ended: Result<ExitReason, ServeError>) -> bool {
 
 /// Executes this program again in the same process, with empty memory; returns only when that fails.
 fn restart() -> Failure {
-    let error = match std::env::current_exe() {
-        Ok(program) => Command::new(program).args(std::env::args_os().skip(1)).exec(),
-        Err(error) => error,
-    };
+    let mut arguments = std::env::args_os();
+    let mut command = Command::new(running_program());
+    if let Some(name) = arguments.next() {
+        command.arg0(name);
+    }
+    let error = command.args(arguments).exec();
     Failure::new(Exit::WorkersLost, format!("a standing worker could not restart: {error}"))
 }

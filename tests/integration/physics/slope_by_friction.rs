@@ -44,12 +44,13 @@ fn share_to_spare(folder: &Path, tangent: f64) -> f64 {
     share
 }
 
-/// Largest ratio of the stresses along and across the plane that the cell of the scene carries in simple shear.
+/// Largest ratio of the stresses along and across the plane that the cell of the scene carries in simple shear to 5 %: it is reached at 1 to 2 %,
+/// and far behind it the hundred discs fall into rows that lock.
 fn largest_ratio(folder: &Path, friction: f64) -> f64 {
     let packing = root().join("packings/discs-100.json");
     let test = format!(
         "packing = '{}'\n[contact]\nlaw = \"linear\"\nmodulus = 1.0e8\nstiffness_ratio = 0.5\nfriction = {friction}\n\
-         [rve]\naccuracy = \"draft\"\n[[path]]\nincrements = 200\nstrain = {{ xy = 0.1 }}\nstress = {{ yy = -1.0e5 }}\n",
+         [rve]\naccuracy = \"draft\"\n[[path]]\nincrements = 100\nstrain = {{ xy = 0.05 }}\nstress = {{ yy = -1.0e5 }}\n",
         packing.display()
     );
     let (input, out) = (folder.join("shear.toml"), folder.join("shear.csv"));

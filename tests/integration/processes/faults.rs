@@ -4,7 +4,7 @@ use crate::harness::{Site, Traces, eventually, lives, signal};
 use claims::Claim;
 use rustix::process::Signal;
 use std::path::PathBuf;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 /// Check A-2: ten workers killed at moments that nobody chose.
@@ -92,6 +92,47 @@ fn an_interrupted_run_keeps_its_steps_and_leaves_nothing_behind() {
         assert!(summary.contains("\"interrupted\""), "{summary}");
         assert_eq!(traces.left(), Vec::<PathBuf>::new());
     }
+}
+
+/// `timeout` and schedulers send a signal to the process and, right after that, to its group.
+#[test]
+fn a_signal_that_comes_twice_at_once_is_one_request() {
+    let site = Site::new();
+    let mut run = site.start_run("a", "2", 500);
+    run.await_rows(&site.path("a").join("history.csv"), 2);
+    signal(run.pid(), Signal::TERM);
+    std::thread::sleep(Duration::from_millis(5));
+    signal(run.pid(), Signal::TERM);
+    let ended = run.end();
+    assert_eq!(ended.status.code(), Some(130), "{}", ended.stderr);
+    let summary = std::fs::read_to_string(site.path("a").join("summary.json")).unwrap();
+    assert!(summary.contains("\"interrupted\""), "{summary}");
+}
+
+/// Another build may take the place of the program while a run goes on: its workers are still those of its own build.
+#[test]
+fn a_run_whose_program_is_replaced_on_the_disk_still_starts_workers() {
+    let site = Site::new();
+    let (program, out) = (site.path("grainspan"), site.path("a"));
+    std::fs::copy(env!("CARGO_BIN_EXE_grainspan"), &program).unwrap();
+    let mut run = Command::new(&program)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["run", "scenes/biaxial-small.toml", "--workers", "2", "--set", "loading.increments=60"])
+        .args(["--set", "pool.recycle_jobs=40", "--quiet", "--out", out.to_str().unwrap()])
+        .spawn()
+        .unwrap();
+    let history = out.join("history.csv");
+    eventually("first rows", || {
+        std::fs::read_to_string(&history).is_ok_and(|text| text.lines().count() > 3).then_some(())
+    });
+    let other = site.path("other");
+    std::fs::write(&other, "#!/bin/sh\nexit 1\n").unwrap();
+    std::fs::rename(&other, &program).unwrap();
+    assert!(run.wait().unwrap().success());
+    let summary: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
+    assert!(summary["fallbacks"]["workers_recycled"].as_u64().unwrap() > 0, "{summary}");
+    assert_eq!(site.history("a").lines().count(), 62);
 }
 
 #[test]

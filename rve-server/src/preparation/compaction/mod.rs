@@ -86,10 +86,15 @@ impl<'a, S: SolverFor> Compaction<'a, S> {
         tolerances: Tolerances,
         log: &'a ProgressLog<'a>,
     ) -> Result<Self, PackingError> {
-        let definition = GrainDefinition { packing, contact: contact.clone(), options: RveOptions::default() };
+        let mut contact = contact.clone();
+        if contact.rotations == Rotations::InnerBlocked {
+            // A periodic cell has no boundary: all its grains are inner ones until a frame is cut from it.
+            contact.rotations = Rotations::Blocked;
+        }
+        let has_couples = contact.rotations == Rotations::Blocked;
+        let definition = GrainDefinition { packing, contact, options: RveOptions::default() };
         let mut cell = GrainRve::<S>::new(&definition).map_err(packing_error)?;
         let first_vectors = FirstVectors::new::<S>(&definition.packing.periodicity, &cell.committed().cell.rows);
-        let has_couples = contact.rotations == Rotations::Blocked;
         cell.solve_operators_to(Closeness::RESULT);
         if S::DIMENSION == 2 {
             // The servo of spheres learns from its steps and reaches more targets with what their own operator says.

@@ -13,8 +13,13 @@ use crate::space::add_scaled;
 use crate::tangent::{self, FrozenMethod};
 use protocol::{Observables, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 
-/// Most trials of one increment under stress control.
-const MOST_TRIALS: u32 = 30;
+/// Most trials of one stride under stress control, where a shorter one may follow, and of the shortest.
+const MOST_TRIALS: u32 = 10;
+const MOST_TRIALS_OF_THE_SHORTEST: u32 = 30;
+
+/// Largest miss of a controlled stress, relative to the mean pressure, from which it is relaxed where a search has failed and a shorter
+/// stride could follow. From farther off the path would be another one.
+const NEAR: f64 = 0.02;
 
 /// Trials of one increment after which, once stresses had to be relaxed in it, its other parts are not searched any more: their stresses are
 /// relaxed at once.
@@ -80,8 +85,9 @@ impl<S: SolverFor> Run<S> {
         Ok(Accepted { gradient: step.gradient, answer, control: StressControl::None })
     }
 
-    /// One search for the controlled stresses. As the last resort it takes the nearest of its trials, if that is as near as a snap
-    /// may leave it, and otherwise relaxes the stresses from there.
+    /// One search for the controlled stresses. Where it fails although it came near, the cell has snapped on the way, each time to another
+    /// stress: the nearest trial is committed and the stresses are relaxed from there. As the last resort the nearest trial is taken, if that
+    /// is as near as a snap may leave it, and the stresses are relaxed otherwise, from however far.
     pub(super) fn controlled(&mut self, step: &Step, is_last_resort: bool) -> Result<Accepted, ElementError> {
         let elastic = self.by_operator(FrozenMethod::TRUSS_LIKE, &step.committed_gradient);
         let sliding = self.by_operator(FrozenMethod::TRUSS_LIKE_SLIP, &step.committed_gradient);
@@ -97,7 +103,11 @@ impl<S: SolverFor> Run<S> {
         let (mut ramp_steps, mut trials) = (0, 0);
         let mut closest: Option<(Miss, f64, Matrix)> = None;
         let is_searched = self.spent.relaxed == 0 || self.spent.trials < MOST_SEARCHED;
-        let most_trials = if is_searched { MOST_TRIALS } else { 1 };
+        let most_trials = match (is_searched, is_last_resort) {
+            (false, _) => 1,
+            (true, false) => MOST_TRIALS,
+            (true, true) => MOST_TRIALS_OF_THE_SHORTEST,
+        };
         while trials < most_trials {
             trials += 1;
             let answer = match self.attempt(step, &gradient, ramp_steps) {
@@ -136,6 +146,9 @@ impl<S: SolverFor> Run<S> {
             }
         }
         let (miss, tolerance, gradient) = closest.expect("the first trial was answered");
+        if !is_last_resort && self.stress_tolerance * miss.distance() <= NEAR * tolerance {
+            return self.relaxed(step.clone(), gradient, ramp_steps);
+        }
         if is_last_resort && self.stress_tolerance * miss.distance() <= LARGEST_JUMP * tolerance {
             let answer = self.attempt(step, &gradient, ramp_steps)?;
             self.spent.has_jumped = true;

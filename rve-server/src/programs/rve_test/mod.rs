@@ -17,6 +17,7 @@ mod start_check;
 mod step;
 mod stress_control;
 mod stress_relaxation;
+mod strides;
 mod summary;
 mod test_file;
 mod work;

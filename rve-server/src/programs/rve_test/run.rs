@@ -9,6 +9,7 @@ use super::row::ElementRow;
 use super::start_check::is_far_from_targets;
 use super::step::{Step, raised_level};
 use super::stress_control::StressControl;
+use super::strides::Strides;
 use super::summary::{ElementEnd, ElementSummary};
 use super::test_file::{ElementTest, Segment};
 use super::work::PathWork;
@@ -24,9 +25,6 @@ use protocol::{Observables, RveError, RveSolver, TangentKind, TrialFlags, TrialO
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
-
-/// Most times that an increment is halved for the sake of the controlled stresses.
-const MOST_HALVINGS: u32 = 5;
 
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
 /// what `requests` names: a tangent operator alone stands for itself.
@@ -258,16 +256,15 @@ impl<S: SolverFor> Run<S> {
             *start = missed.unwrap_or(*start);
         }
         let mut committed_gradient = Matrix::ZERO;
+        let mut strides = Strides::new();
         for increment in 1..=segment.increments {
             let share = |number: u32| f64::from(number) / f64::from(segment.increments);
-            let (mut reached, end) = (share(increment - 1), share(increment));
-            let mut stride = end - reached;
-            let smallest = stride / f64::from(1 << MOST_HALVINGS);
+            let (begin, end) = (share(increment - 1), share(increment));
             self.spent = Spent { dem_steps: std::mem::take(&mut self.spent_settling), ..Spent::default() };
             let accepted = loop {
-                // The end itself, to the bit, unless the increment had to be cut.
-                let is_last = reached + 1.5 * stride > end && reached + 0.5 * stride < end;
-                let aim = if is_last { end } else { reached + stride };
+                // The end itself, to the bit.
+                let (part, is_last) = strides.aim();
+                let aim = if is_last { end } else { begin + part * (end - begin) };
                 let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
                 let mut gradient = flat(&committed_gradient);
                 let mut targets = segment.stress.values();
@@ -279,7 +276,8 @@ impl<S: SolverFor> Run<S> {
                 }
                 let (gradient, level) = (tensor_of(&gradient), self.stress_level);
                 let step = Step { kinematics, committed_gradient, gradient, targets, level };
-                let is_smallest = stride <= smallest;
+                let is_smallest = strides.is_shortest();
+                let relaxed_before = self.spent.relaxed;
                 let attempt = if targets.iter().all(Option::is_none) {
                     self.prescribed(&step)
                 } else {
@@ -287,11 +285,12 @@ impl<S: SolverFor> Run<S> {
                 };
                 let accepted = match attempt {
                     Err(ElementError::StressNotReached { .. } | ElementError::StressOutOfReach { .. })
-                        if !is_smallest =>
+                        // What has been committed on the way to the stresses cannot be taken back.
+                        if !is_smallest && self.spent.relaxed == relaxed_before =>
                     {
                         self.cell.rollback();
                         self.last_change = None;
-                        stride *= 0.5;
+                        strides.halve();
                         continue;
                     }
                     attempt => attempt?,
@@ -299,18 +298,19 @@ impl<S: SolverFor> Run<S> {
                 if is_last {
                     break accepted;
                 }
+                strides.advance();
                 self.take_up(&step.kinematics, &accepted, &mut committed_gradient);
-                reached = aim;
             };
             let operator = self.operator();
             let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
             self.take_up(&kinematics, &accepted, &mut committed_gradient);
             let mut control = accepted.control;
-            if stride < 0.75 * (end - share(increment - 1)) {
+            if strides.is_cut() {
                 self.summary.cut_increments += 1;
                 self.last_change = None;
                 control = control.max(StressControl::Cut);
             }
+            strides = strides.next_increment();
             self.summary.stress_jumps += u64::from(self.spent.has_jumped);
             // The row tells of its last state.
             let is_told = accepted.answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
