@@ -49,7 +49,8 @@ class Answer:
     tangent: numpy.ndarray = None
     #: Keyword of the tangent delivered; None = the one asked for.
     tangent_kind: str = None
-    #: Void volume over grain volume.
+    #: Void volume over grain volume. This number and the next three are part of every answer: one that the engine leaves out is 0 in the
+    #: results, because messages hold no NaN.
     void_ratio: float = 0.0
     #: 2 x contacts over grains.
     coordination_number: float = 0.0
@@ -60,7 +61,7 @@ class Answer:
     #: Cell volume over initial cell volume.
     volume_ratio: float = 1.0
     #: Optional results by wire name (``fabric``, ``elastic_energy``, ...); only what was asked for need be there, and only
-    #: what is among :attr:`Rve.observables` is read.
+    #: what is among :attr:`Rve.observables` is read. With the flag ``no_load_bearing_contacts``, what is left out is 0.
     observed: dict = field(default_factory=dict)
     #: Shortcuts taken, by name: see ``FLAGS``.
     flags: set = field(default_factory=set)
@@ -94,6 +95,13 @@ class Answer:
         if unknown:
             raise ValueError(f"there is no flag {', '.join(map(repr, unknown))}; known: {', '.join(FLAGS)}")
         reply["flags"] = sum(FLAGS[name] for name in self.flags)
+
+
+def not_delivered(answer, declared, options):
+    """Optional results that are declared and asked for and that the answer lacks. Without contacts those left out are zero."""
+    if "no_load_bearing_contacts" in answer.flags:
+        return []
+    return [name for name in declared if name not in answer.observed and options.wants(name)]
 
 
 def _real(value):

@@ -7,6 +7,8 @@ import os
 import signal
 import sys
 
+from .words import UnknownWord
+
 #: Exit codes, as of ``grainspan rve-server``.
 DONE, BAD_INPUT, RUN_LOST = 0, 2, 3
 
@@ -38,8 +40,13 @@ def _parse(rve_class, arguments):
 
 
 def _run(rve_class, chosen):
+    try:
+        capabilities = rve_class.capabilities(chosen.replay)
+    except UnknownWord as error:
+        print(f"error: {error}", file=sys.stderr)
+        return BAD_INPUT
     if chosen.capabilities:
-        print(json.dumps(rve_class.capabilities(chosen.replay)), flush=True)
+        print(json.dumps(capabilities), flush=True)
         return DONE
     # Only a worker needs a channel; --capabilities works without.
     from . import server

@@ -29,6 +29,10 @@ from .layout import REPLY, STATUSES, TANGENT_NAMES, TANGENTS
 from .state_source import PathSource, SnapshotSource
 
 
+#: Largest component of a target that rounding may hide in the state behind it, as for the run.
+UNSEEN_STRAIN = 1e-9
+
+
 class StateCache:
     """A bounded set of snapshots by name; the least recently used one leaves first."""
 
@@ -142,14 +146,41 @@ class JobRunner:
             if not answer.solve_nanoseconds:
                 answer.solve_nanoseconds = max(0, time.perf_counter_ns() - begun - answer.tangent_nanoseconds)
             # What the engine has put into its answer is as much its own as the solve.
-            return self._done(job, ask, answer, state), state, b""
+            reply = self._done(job, ask, answer, state)
+            self._check_that_it_moved(source, wanted, gradient, reply)
+            return reply, state, b""
         except RveError:
             raise
         except Exception as error:
             raise _fault(error) from error
 
+    @staticmethod
+    def _check_that_it_moved(source, wanted, gradient, reply):
+        """Refuses a reply whose state is the initial one although the stress has changed.
+
+        The run compares states by their names and sees the same behind all later ones; the initial state has no name there.
+        """
+        strain = numpy.abs(gradient).max()
+        if wanted != source.initial_name or reply["state"].tobytes() != wanted or strain <= UNSEEN_STRAIN:
+            return
+        # An engine whose stress does not change may well stay as it is. A new RVE tells: in this one nothing marks the initial state any more.
+        source.close()
+        at_rest, _ = source.solve(wanted, source.initial, numpy.zeros((3, 3)), TrialOptions())
+        unmoved = numpy.zeros((), REPLY)
+        at_rest.write(unmoved)
+        if not numpy.array_equal(unmoved["stress"], reply["stress"]):
+            raise EngineFault(
+                f"the state behind a strain of {strain:.1e} is the initial one: the snapshots of the engine do not hold its state"
+            )
+
     def _done(self, job, ask, answer, state):
         reply = bare(job, "done")
+        lacking = answers.not_delivered(answer, self._rve_class.observables, ask)
+        if lacking:
+            raise EngineFault(
+                f"the answer lacks {', '.join(f'`{name}`' for name in lacking)}, which `observables` of the engine declares: put it into "
+                "`observed` wherever it is asked for, or do not declare it"
+            )
         answer.write(reply)
         if not answers.finite(reply):
             raise NotFinite(answer.force_evaluations)

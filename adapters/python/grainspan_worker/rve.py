@@ -1,5 +1,7 @@
 """The one class that a user writes."""
 
+from .words import check
+
 
 class Rve:
     """One representative volume with a committed and at most one trial state.
@@ -22,7 +24,8 @@ class Rve:
     laws = ("linear",)
     #: Tangent operators served beside "none", by keyword. Without one the run finds tangents by finite differences.
     tangents = ()
-    #: Optional results that :attr:`Answer.observed` holds where they are asked for, by name; runs show the others as NaN.
+    #: Optional results that :attr:`Answer.observed` holds wherever they are asked for, by name; runs show the others as NaN. An answer
+    #: without one of them is a fault of the engine.
     observables = ()
     #: What it follows of the parts of definitions that not every engine follows, by their keys in scenes: see ``features`` in
     #: ``docs/reference/protocol.md``. A scene that uses another one is refused.
@@ -68,7 +71,11 @@ class Rve:
 
     @classmethod
     def capabilities(cls, replay=False):
-        """What the engine can do, in the form of the hello. ``replay``: as if it had no snapshots."""
+        """What the engine can do, in the form of the hello. ``replay``: as if it had no snapshots.
+
+        Raises :class:`ValueError` for a word in ``laws``, ``tangents``, ``observables`` or ``features`` that does not exist.
+        """
+        check(cls)
         return {
             "engine": cls.engine,
             "version": cls.version,
