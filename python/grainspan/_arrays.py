@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable
 from typing import Any
 
@@ -18,6 +19,17 @@ _TENSORS = {"stress": 2, "first_piola": 2, "fabric": 2, "tangent": 4}
 def names(given: str | Iterable[str]) -> list[str]:
     """Names of observables; a single one may stand alone."""
     return [given] if isinstance(given, str) else list(given)
+
+
+def whole(given: Any, name: str, least: int) -> int:
+    """A whole number from ``least`` on, as machines count; an :class:`InputError` names the argument otherwise."""
+    try:
+        number = operator.index(given)
+    except TypeError:
+        number = least - 1
+    if not least <= number < 1 << 63:
+        raise InputError(f"{name} = {given!r}: a whole number of at least {least} and below 2^63")
+    return number
 
 
 def gradients(given: ArrayLike | None, deformation: ArrayLike | None, count: int, dimension: int) -> np.ndarray:

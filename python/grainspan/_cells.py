@@ -28,10 +28,12 @@ def contact_table(contact: ContactLike) -> Mapping[str, Any]:
 
 
 def rve_table(accuracy: str | None, rve: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The table ``[rve]``."""
+    """The table ``[rve]``; an accuracy that is given twice must be the same."""
     table = dict(rve or {})
-    if accuracy is not None:
-        table.setdefault("accuracy", accuracy)
+    if accuracy is None:
+        return table
+    if table.setdefault("accuracy", accuracy) != accuracy:
+        raise InputError(f"accuracy = {accuracy!r} contradicts {table['accuracy']!r} in rve; leave one of them out")
     return table
 
 

@@ -75,6 +75,10 @@ def cyclic_segments(
     """Quarter, half, half, ..., quarter: from zero to plus, to minus, ... and back to zero."""
     if cycles < 1:
         raise InputError(f"cycles = {cycles}: at least one")
+    if not np.isfinite(amplitude) or not (shear or abs(amplitude) < 1.0):
+        raise InputError(f"amplitude = {amplitude}: a finite number, and as a relative shortening below 1")
+    if increments < 1:
+        raise InputError(f"increments = {increments}: at least one")
     turns = [0.0, *[amplitude, -amplitude] * cycles, 0.0]
     segments = []
     for begin, end in zip(turns, turns[1:]):

@@ -36,13 +36,29 @@ def executable() -> Path:
     Raises
     ------
     StartError
-        The package has no executable.
+        There is no program that can be started, or the variable names something else.
     """
     named = os.environ.get(_VARIABLE)
-    place = Path(named) if named else Path(__file__).parent / "bin" / "grainspan"
+    if named:
+        return runnable(named, f"{_VARIABLE} has to name the program grainspan")
+    return runnable(Path(__file__).parent / "bin" / "grainspan", f"install the package again, or set {_VARIABLE}")
+
+
+def runnable(program: str | os.PathLike[str], remedy: str) -> Path:
+    """The path of a program; a :class:`StartError` with the remedy if it cannot be one."""
+    place = Path(program)
+    if not place.exists():
+        raise StartError(f"there is no program at {place}; {remedy}")
+    if place.is_dir():
+        raise StartError(f"{place} is a folder and no program; {remedy}")
     if not os.access(place, os.X_OK):
-        raise StartError(f"there is no program at {place}; install the package again, or set {_VARIABLE}")
+        raise StartError(f"{place} may not be executed; {remedy}")
     return place
+
+
+def not_started(program: str, error: OSError) -> StartError:
+    """The exception for a program that the system does not start."""
+    return StartError(f"{program} cannot be started: {error.strerror}; is it the program grainspan, built for this machine?")
 
 
 def main() -> None:

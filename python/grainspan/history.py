@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import sys
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,9 @@ import pandas as pd
 from .errors import InputError
 
 _AXES = "xyz"
+
+#: The folder of the package, as in the frames of its functions.
+_PACKAGE = os.path.dirname(sys._getframe().f_code.co_filename)
 
 #: Columns of element tests that have a unit, by how their names begin; all others are numbers without one.
 _UNITS = {
@@ -58,13 +62,22 @@ _OF_PACKING = {
 }
 
 
+def _level_of_the_caller() -> int:
+    """The ``stacklevel`` of a warning, raised by the function that calls this, that names the first line outside of the package."""
+    frame, level = sys._getframe(1), 1
+    while frame is not None and os.path.dirname(frame.f_code.co_filename) == _PACKAGE:
+        frame, level = frame.f_back, level + 1
+    return level
+
+
 def warn_of(counts: Mapping[str, int], of_packing: str | None = None) -> None:
-    """Warns of what a test fell short of; ``of_packing`` is a further warning about the packing."""
+    """Warns of what a test fell short of; ``of_packing`` is a further warning about the packing. Warnings name the line of the user."""
+    level = _level_of_the_caller()
     for words in [*(words for name, words in _OF_PACKING.items() if counts.get(name)), *filter(None, [of_packing])]:
-        warnings.warn(words, RuntimeWarning, stacklevel=2)
+        warnings.warn(words, RuntimeWarning, stacklevel=level)
     found = [f"{counts[name]} {words}" for name, words in _FALLS_SHORT.items() if counts.get(name)]
     if found:
-        warnings.warn(f"increments {', '.join(found)}; attrs['counts'] has all counts", RuntimeWarning, stacklevel=2)
+        warnings.warn(f"increments {', '.join(found)}; attrs['counts'] has all counts", RuntimeWarning, stacklevel=level)
 
 
 def unit_of(column: str) -> str:
@@ -224,7 +237,8 @@ def with_invariants(rows: History, dimension: int, begin: int, lengths: list[int
     rows["p"] = pressure
     rows["q"] = np.sqrt(factor * np.einsum("nij,nij->n", deviation, deviation))
     rows["deviator"] = lateral - stress[:, -1, -1]
-    rows["stress_ratio"] = rows["q"] / rows["p"].where(rows["p"] != 0)
+    # Not by `where` of pandas, which has Python forget the warnings that it has shown.
+    rows["stress_ratio"] = np.divide(rows["q"], pressure, out=np.full(len(rows), np.nan), where=pressure != 0)
     rows.attrs["units"] = {name: unit_of(name) for name in (*rows.columns, "axial_stress", "shear_stress")}
     rows.attrs["begin"] = begin
     return rows

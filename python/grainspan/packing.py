@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import _toml
-from ._program import end_with_parent, executable
+from ._program import end_with_parent, executable, not_started
 from .errors import InputError
 
 
@@ -171,7 +171,10 @@ def pack(recipe: str | os.PathLike[str] | Mapping[str, Any], out: str | os.PathL
         command = [str(executable()), "pack", str(source), "--out", str(made)]
         for key, value in keys.items():
             command += ["--set", f"{key.replace('__', '.')}={_toml._value(value)}"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=end_with_parent)
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=end_with_parent)
+        except OSError as error:
+            raise not_started(command[0], error) from error
         if done.returncode != 0:
             raise InputError(done.stderr.strip())
         packing = Packing(json.loads(made.read_text(encoding="utf-8")), report=(done.stdout + done.stderr).strip())

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from . import _arrays, _native
 from ._cells import CellText, ContactLike, PackingLike, rve_table
-from ._program import executable
+from ._program import executable, runnable
 from .errors import InputError
 from .packing import Packing
 from .result import TrialResult, assembled
@@ -31,6 +31,8 @@ class States:
         return States(self._pool, np.atleast_1d(self.numbers[selection]))
 
     def __add__(self, other: States) -> States:
+        if not isinstance(other, States):
+            raise InputError(f"States are joined with States, not with {type(other).__name__}")
         if other._pool is not self._pool:
             raise InputError("these states belong to another pool")
         return States(self._pool, np.concatenate([self.numbers, other.numbers]))
@@ -87,9 +89,12 @@ class Pool:
         if len(contacts) != len(several):
             raise InputError(f"{len(several)} packings, but {len(contacts)} contact tables; give one for all or one for each")
         table = rve_table(accuracy, rve)
+        if workers is not None:
+            workers = _arrays.whole(workers, "workers", 1)
+        place = runnable(program, "`program` has to name the program grainspan") if program is not None else executable()
         with CellText() as text:
             cells = [text.cell(one, law, table) for one, law in zip(several, contacts)]
-            self._native = _native.Pool(cells, os.getcwd(), program or executable(), workers, wait)
+            self._native = _native.Pool(cells, os.getcwd(), place, workers, wait)
 
     @property
     def dimension(self) -> int:
@@ -105,7 +110,13 @@ class Pool:
             How many.
         packing : int, optional
             Place of the packing in the list that the pool was opened with.
+
+        Raises
+        ------
+        InputError
+            There is no such packing, or the count is negative, no whole number, or beyond what memory takes.
         """
+        count, packing = _arrays.whole(count, "count", 0), _arrays.whole(packing, "packing", 0)
         first = self._native.new_states(packing, count)
         return States(self, np.arange(first, first + count, dtype=np.int64))
 

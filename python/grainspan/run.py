@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _toml, fields
-from ._program import end_with_parent, executable
+from ._program import end_with_parent, executable, not_started
 from .errors import RunFailed
 from .history import History, read_history
 
@@ -101,6 +101,8 @@ def run(
     ------
     RunFailed
         With exit code, message and folder.
+    StartError
+        The program cannot be started.
     """
     with tempfile.TemporaryDirectory(prefix="grainspan-") as temporary:
         if isinstance(scene, Mapping):
@@ -161,9 +163,12 @@ def _followed(command: list[str], folder: Path, on_step, bar) -> None:
     begun = datetime.now(timezone.utc)
     with tempfile.TemporaryFile("w+", encoding="utf-8") as messages:
         # A process group of its own: Ctrl-C is for this process, which then stops the run in good order.
-        child = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=messages, start_new_session=True, preexec_fn=end_with_parent
-        )
+        try:
+            child = subprocess.Popen(
+                command, stdout=subprocess.DEVNULL, stderr=messages, start_new_session=True, preexec_fn=end_with_parent
+            )
+        except OSError as error:
+            raise not_started(command[0], error) from error
         try:
             for event in _events(child, folder / "run.jsonl"):
                 if event.get("event") != "step" or datetime.fromisoformat(event["timestamp"]) < begun:

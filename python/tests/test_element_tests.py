@@ -1,6 +1,7 @@
 """Element tests: the same bytes as the program, and the conditions that each test promises."""
 
 import subprocess
+import sys
 import warnings
 
 import numpy as np
@@ -154,6 +155,11 @@ def test_what_no_test_can_follow_is_refused(rve):
             rve.constant_mean_stress(**wrong)
     with pytest.raises(grainspan.InputError, match="cycles"):
         rve.cyclic(1e-3, 0)
+    for wrong in (1.0, -1.0, np.nan):
+        with pytest.raises(grainspan.InputError, match="amplitude"):
+            rve.cyclic(wrong)
+    with pytest.raises(grainspan.InputError, match="increments"):
+        rve.cyclic(1e-3, increments=0)
 
 
 def test_a_half_turn_of_spheres_is_no_strain(spheres):
@@ -211,6 +217,22 @@ def test_a_packing_that_is_not_at_rest_is_told():
     with pytest.warns(RuntimeWarning, match="brought to rest before the first increment"):
         rows = cell.path([{"increments": 1, "strain": {"yy": -1e-4}}])
     assert rows.attrs["counts"]["settled"] == 1
+
+
+WARNED = """
+import grainspan
+cell = grainspan.Rve({discs!r}, {contact!r}, accuracy="draft")
+for number in range(3):
+    cell.oedometer(axial_strain=1e-4, increments=1)  # here
+"""
+
+
+def test_warnings_name_the_line_of_the_user_and_are_said_once(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(WARNED.format(discs=str(DISCS), contact={**CONTACT, "modulus": 0.5 * CONTACT["modulus"]}))
+    done = subprocess.run([sys.executable, "-W", "default", script], capture_output=True, text=True, check=True)
+    warned, line = done.stderr.strip().splitlines()
+    assert warned.startswith(f"{script}:5: RuntimeWarning: the packing was not at rest") and line.endswith("# here")
 
 
 def test_a_test_that_stops_on_its_way_to_the_pressure_has_a_table(rve):

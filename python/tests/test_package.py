@@ -41,6 +41,19 @@ def test_a_missing_executable_is_named(monkeypatch):
         grainspan.executable()
 
 
+def test_what_is_no_program_is_refused(monkeypatch, tmp_path):
+    """A folder, a file that may not be executed, and one that the system does not start."""
+    plain, text = tmp_path / "plain", tmp_path / "text"
+    plain.touch()
+    text.write_text("no program")
+    text.chmod(0o755)
+    for named, said in ((tmp_path, "a folder and no program"), (plain, "may not be executed"), (text, "cannot be started")):
+        monkeypatch.setenv("GRAINSPAN_PROGRAM", str(named))
+        for call in (lambda: grainspan.run({}, out=tmp_path / "out"), lambda: grainspan.pack({})):
+            with pytest.raises(grainspan.StartError, match=said):
+                call()
+
+
 def test_an_installed_wheel_holds_executable_and_extension():
     try:
         files = importlib.metadata.files("grainspan") or []

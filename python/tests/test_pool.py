@@ -116,6 +116,19 @@ def test_arguments_are_checked(pool):
             pool.trial(states, np.zeros((2, 2)), ramp_steps=wrong)
     with pytest.raises(grainspan.InputError, match="too many"):
         pool.states(10**12)
+    for wrong in (-1, 1.5, 10**30):
+        with pytest.raises(grainspan.InputError, match="count"):
+            pool.states(wrong)
+        with pytest.raises(grainspan.InputError, match="workers"):
+            grainspan.Pool(DISCS, CONTACT, workers=wrong)
+    with pytest.raises(grainspan.InputError, match="packing"):
+        pool.states(1, packing=-1)
+    with pytest.raises(grainspan.InputError, match="not with list"):
+        states + [1]
+    for opened in (grainspan.Pool, grainspan.Rve):
+        with pytest.raises(grainspan.InputError, match="'draft' contradicts 'tight' in rve"):
+            opened(DISCS, CONTACT, accuracy="draft", rve={"accuracy": "tight"})
+    grainspan.Rve(DISCS, CONTACT, accuracy="tight", rve={"accuracy": "tight"})
     with pytest.raises(grainspan.InputError, match="either"):
         pool.trial(states)
     with pytest.raises(ValueError, match="observable"):
@@ -134,6 +147,8 @@ def test_arguments_are_checked(pool):
         pool.restore(states, [sound[0], sound[1][:-1] + bytes([sound[1][-1] ^ 1])])
     with pytest.raises(grainspan.StartError, match="no program"):
         grainspan.Pool(DISCS, CONTACT, program="/nonexistent/grainspan")
+    with pytest.raises(grainspan.StartError, match="a folder.*`program`"):
+        grainspan.Pool(DISCS, CONTACT, program=ROOT)
     with grainspan.Pool(DISCS, CONTACT, workers=1) as other, pytest.raises(grainspan.InputError, match="another pool"):
         other.trial(states, np.zeros((2, 2)))
     with pytest.raises(grainspan.PoolClosed):
