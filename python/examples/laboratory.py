@@ -94,6 +94,8 @@ if __name__ == "__main__":
     for name, value in found.parameters.items():
         print(f"{name:14} {value:10.4g} +- {found.uncertainty[name]:.2g}")
     print(f"difference     {100 * found.error:.1f} % of the range, {found.evaluations} parameter sets")
+    for tried in found.uncompared:
+        print(f"no curve for   {', '.join(f'{name} {tried[name]:.4g}' for name in found.parameters)}: {tried['reason']}")
     cell = {**CONTACT, **found.parameters}
     left = np.mean([left_after_unloading(grainspan.Rve(one, cell, accuracy="draft")) for one in cells])
     print(f"after unloading {100 * left:.3f} % are left; of the sand {100 * measured()[1]['axial_compression'].iloc[-1]:.3f} %")

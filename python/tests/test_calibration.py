@@ -49,7 +49,7 @@ def test_the_fit_to_a_laboratory_test_follows_its_curve():
     (cell,) = laboratory.packings([1])
     assert laboratory.void_ratio(cell) == pytest.approx(0.708, abs=0.005)
     curve = laboratory.oedometer(
-        grainspan.Rve(cell, {**laboratory.CONTACT, "shear_modulus": 6.5e9, "friction": 0.294}, accuracy="draft")
+        grainspan.Rve(cell, {**laboratory.CONTACT, "shear_modulus": 7.0e9, "friction": 0.269}, accuracy="draft")
     )
     loading, unloading = laboratory.measured()
     assert len(loading) == 13 and len(unloading) == 13
@@ -67,6 +67,49 @@ def test_bad_requests_are_refused():
         grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, biaxial, columns=["colour"])
     with pytest.raises(grainspan.InputError, match="the test gives no column stress_ratio"):
         grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, lambda rve: biaxial(rve)[["axial_compression"]])
+    for wrong in (0.5, (0.5, 0.1), ("a", "b", "c")):
+        with pytest.raises(grainspan.InputError, match="three numbers"):
+            grainspan.calibrate(DISCS, CONTACT, target, {"friction": wrong}, biaxial)
+    with pytest.raises(grainspan.InputError, match="finite"):
+        grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, np.inf)}, biaxial)
+    with pytest.raises(grainspan.InputError, match="no rows"):
+        grainspan.calibrate(DISCS, CONTACT, target[:0], {"friction": (0.5, 0.1, 0.9)}, biaxial)
+    with pytest.raises(grainspan.InputError, match="else than numbers"):
+        grainspan.calibrate(DISCS, CONTACT, target.assign(stress_ratio="high"), {"friction": (0.5, 0.1, 0.9)}, biaxial)
+    with pytest.raises(grainspan.InputError, match="workers = 0"):
+        grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, biaxial, workers=0)
+    with pytest.raises(grainspan.InputError, match="contradicts"):
+        grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, biaxial, accuracy="draft", rve={"accuracy": "tight"})
+
+
+def steep(rve):
+    """As :func:`biaxial`; cells of more than a friction of 0.5 are unloaded from the first increment on, and have no curve over a shortening."""
+    rows = biaxial(rve)
+    if rve._contact["friction"] > 0.5:
+        rows["axial_compression"] *= -1.0
+    return rows
+
+
+@pytest.mark.parametrize("first", [0.45, 0.6])
+def test_a_parameter_set_without_a_curve_is_left_aside(first):
+    """Such sets lie within a step of the derivatives of the first guess, or the first guess is one itself."""
+    target = biaxial(grainspan.Rve(DISCS, {**CONTACT, "friction": 0.35}, accuracy="draft"))
+    law = {"stiffness_ratio": 0.5, "modulus": 1e8}
+    found = grainspan.calibrate(DISCS, law, target, {"friction": (first, 0.1, 0.9)}, steep, relative_step=0.2)
+    assert found.parameters["friction"] == pytest.approx(0.35, rel=0.05), found
+    assert found.error < 0.02 and np.isfinite(list(found.uncertainty.values())).all()
+    assert found.uncompared and all(one["friction"] > 0.5 for one in found.uncompared)
+    assert "axial_compression of the test does not increase" in found.uncompared[0]["reason"]
+    assert [one["friction"] > 0.5 for one in found.trace] == [bool(np.isnan(one["error"])) for one in found.trace]
+
+
+def test_without_any_curve_there_is_no_result():
+    target = biaxial(grainspan.Rve(DISCS, CONTACT, accuracy="draft"))
+    backwards = lambda rve: biaxial(rve).iloc[::-1].reset_index(drop=True)  # noqa: E731
+    none = lambda rve: biaxial(rve)[:0]  # noqa: E731
+    for test, reason in ((backwards, "does not increase"), (none, "no rows")):
+        with pytest.raises(grainspan.InputError, match=f"no parameter set.*{reason}.*first guess"):
+            grainspan.calibrate(DISCS, CONTACT, target, {"friction": (0.5, 0.1, 0.9)}, test)
 
 
 def test_a_test_that_stops_counts_up_to_there():
