@@ -46,7 +46,9 @@ pub enum JoinFileError {
 impl JoinFileError {
     /// Whether the file is not there, and may yet come.
     pub fn is_missing(&self) -> bool {
+        let is_absent = |source: &std::io::Error| source.kind() == std::io::ErrorKind::NotFound;
         matches!(self, Self::Missing(_))
+            || matches!(self, Self::Secret(SecretError::File { source, .. }) if is_absent(source))
     }
 }
 
@@ -187,7 +189,10 @@ mod tests {
         assert!(["out/slope/join", "join", "a:b", "./node7:7400"].iter().all(|text| !is_endpoint(text)));
         let error = Target::find("node7:7400", None).unwrap_err().to_string();
         assert!(error.contains("--secret"), "{error}");
-        let error = Target::find("none/here", None).unwrap_err().to_string();
-        assert!(error.contains("none/here"), "{error}");
+        let error = Target::find("none/here", None).unwrap_err();
+        assert!(error.is_missing() && error.to_string().contains("none/here: there is no such file"), "{error}");
+        assert!(!error.to_string().contains("urandom"), "the remedy for secrets: {error}");
+        let error = Target::find("node7:7400", Some(Path::new("none/secret"))).unwrap_err();
+        assert!(error.is_missing() && error.to_string().contains("urandom"), "{error}");
     }
 }

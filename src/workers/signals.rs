@@ -30,7 +30,9 @@ impl SignalWatch {
     /// The system refuses a handler or a thread.
     pub(crate) fn start(interrupt: Interrupt) -> io::Result<Self> {
         Self::announced(interrupt, || {
-            tracing::warn!("a stop was requested; a second request ends the process at once");
+            tracing::warn!(
+                "a stop was requested; a second request, half a second later or more, ends the process at once"
+            );
         })
     }
 
@@ -41,7 +43,11 @@ impl SignalWatch {
     /// The system refuses a handler or a thread.
     pub(crate) fn flag(first: &'static str) -> Result<Interrupt, Failure> {
         let interrupt = Interrupt::new();
-        let announce = move || tell(format_args!("a stop was requested: {first}; a second request ends at once"));
+        let announce = move || {
+            tell(format_args!(
+                "a stop was requested: {first}; a second request, half a second later or more, ends at once"
+            ))
+        };
         match Self::announced(interrupt.clone(), announce) {
             Ok(_) => Ok(interrupt),
             Err(error) => Err(Failure::new(Exit::BadInput, format!("could not watch for signals: {error}"))),

@@ -9,6 +9,9 @@ use std::path::PathBuf;
 /// The system's link to the file that a process executes, which also leads there after another file has taken its place on the disk.
 pub const RUNNING_PROGRAM: &str = "/proc/self/exe";
 
+/// Name of the program in lists of processes and in messages.
+pub const OWN_NAME: &str = "grainspan";
+
 /// How the workers of one engine are started.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Engine {

@@ -13,7 +13,7 @@ mod stderr_tail;
 mod worker_groups;
 mod worker_processes;
 
-pub use engine::{Engine, RUNNING_PROGRAM};
+pub use engine::{Engine, OWN_NAME, RUNNING_PROGRAM};
 pub use run_name::run_name;
 pub use worker_groups::WorkerGroups;
 pub use worker_processes::{LaunchPlan, WorkerProcesses};

@@ -1,6 +1,6 @@
 //! The worker processes of one engine in one run.
 
-use super::engine::{Engine, RUNNING_PROGRAM};
+use super::engine::{Engine, OWN_NAME, RUNNING_PROGRAM};
 use super::launch::launched;
 use super::restart_backoff::RestartBackoff;
 use super::stderr_tail::StderrTail;
@@ -32,9 +32,6 @@ const STOPPED_LIMIT: Duration = Duration::from_secs(5);
 
 /// The same as [`JOIN_TIMEOUT`] for engines outside this program: some load an interpreter and half a gigabyte of libraries.
 const EXTERNAL_JOIN_TIMEOUT: Duration = Duration::from_secs(120);
-
-/// Name of the workers of the running program in lists of processes and in messages.
-const OWN_NAME: &str = "grainspan";
 
 /// Consecutive replacements that may end before they have completed a job.
 const RESTARTS: u32 = 20;

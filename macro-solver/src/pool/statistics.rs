@@ -76,10 +76,9 @@ impl DefinitionStatistics {
         Some(alone * together.force_evaluations as f64 - together.seconds)
     }
 
-    /// Time that the tangents of the other trials would have taken, s; `None` if none was computed.
-    pub fn seconds_saved_without_tangent(&self) -> Option<f64> {
-        let is_timed = self.tangents > 0 && self.tangent_s > 0.0;
-        is_timed.then(|| self.tangent_s / self.tangents as f64 * self.without_tangent as f64)
+    /// Time of a tangent operator, s; `None` if none was computed.
+    pub fn seconds_per_tangent(&self) -> Option<f64> {
+        (self.tangents > 0 && self.tangent_s > 0.0).then(|| self.tangent_s / self.tangents as f64)
     }
 }
 

@@ -5,6 +5,7 @@ mod standing;
 use crate::engines::{BUILT_IN, Catalogue};
 use crate::exit::{Exit, Failure};
 use crate::workers::{RUN_END_TIMEOUT, follow_parent};
+use grain_pool::processes::OWN_NAME;
 use protocol::transport::shared_memory::{RunDirectory, SharedMemoryWorkerPort};
 use rve_server::server::{BuiltInEngine, ExitReason, ServeError, ServeOptions, built_in_engine, serve};
 use std::io::IsTerminal;
@@ -64,6 +65,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         }
         return Err(become_external(arguments));
     };
+    // A worker started by the link to the running program is named after the link; tools that list processes look for the program. Where the
+    // system does not take it the name is only a less helpful one.
+    let _ = std::fs::write("/proc/self/comm", OWN_NAME);
     follow_parent(arguments.parent, &arguments.run).map_err(|error| {
         // A run that has ended before its first worker joined is removed by no one else.
         let _ = RunDirectory::remove_once_dead(&arguments.run, RUN_END_TIMEOUT);

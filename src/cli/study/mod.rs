@@ -44,7 +44,8 @@ Files in the output folder, NAME being that of the study:
   NAME-*.svg, NAME.json pictures; failed samples by name, machine, date and commit
 
 Tables and pictures have the same bytes for any number of jobs. Exit code 1: samples failed; all files are written. The
-first Ctrl-C ends a study with the packings that have ended (exit code 130), the second at once.")]
+first Ctrl-C ends a study with the packings that have ended (exit code 130), a second one, half a second later or more, at
+once.")]
 pub(crate) struct Arguments {
     /// Study: recipes, sizes, seeds, element tests and quantities; see docs/guide/ensembles.md
     #[arg(value_name = "STUDY.toml")]

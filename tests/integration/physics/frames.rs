@@ -60,6 +60,26 @@ fn a_scene_chooses_its_frame_and_the_engine_follows() {
     assert!(linear > periodic && blocked > servo, "{linear} > {periodic}, {blocked} > {servo}");
 }
 
+/// Cells are brought to their stress as periodic cells, and frames are cut from them.
+#[test]
+fn frames_of_prepared_cells_are_said_to_begin_out_of_balance() {
+    let check = |settings: &[&str]| {
+        let checked = Command::new(env!("CARGO_BIN_EXE_grainspan"))
+            .args(["check", "scenes/geotechnics/ground.toml"])
+            .args(settings.iter().flat_map(|setting| ["--set", setting]))
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        String::from_utf8(checked.stdout).unwrap() + &String::from_utf8(checked.stderr).unwrap()
+    };
+    let said = check(&["rve.frame={}"]);
+    assert!(said.contains("rve.frame.shared_sides = true"), "{said}");
+    for settings in [&["rve.frame={ shared_sides = true }"][..], &[]] {
+        let said = check(settings);
+        assert!(said.contains("Scene OK") && !said.contains("shared_sides"), "{said}");
+    }
+}
+
 /// A boundary that follows the strain resists most, one under uniform traction least, and a periodic one lies between [Liu2018].
 #[test]
 fn the_constraints_of_frames_are_in_the_order_of_their_stiffness() {

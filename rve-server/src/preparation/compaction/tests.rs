@@ -1,9 +1,11 @@
 //! Cells that are hard to bring to a stress.
 
+use super::{Compaction, TOLERANCES_OF_CHANGED_PACKINGS};
 use crate::contact::Rotations;
-use crate::preparation::generate;
+use crate::preparation::progress::{PackingProgress, ProgressLog};
 use crate::preparation::recipe::PackingRecipe;
 use crate::preparation::report::PackingReport;
+use crate::preparation::{StressTarget, generate};
 use crate::space::{Discs, Spheres};
 
 /// Soft discs that never slide: a cell that had lost its load crept, and contacts that open under one operator and close
@@ -31,6 +33,21 @@ fn spheres_do_not_fly_away_while_they_are_a_gas() {
         assert!(unbalanced_force_ratio <= recipe.tolerance * (1.0 + 1e-6), "{unbalanced_force_ratio:e}");
         assert!(force_evaluations < 80_000, "{force_evaluations} force evaluations");
     }
+}
+
+/// A frame is cut from the cell later: until then all its grains are inner ones. The servo waited for a stress without couples.
+#[test]
+fn cells_of_frames_whose_inner_grains_may_not_turn_come_to_their_stress() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.toml");
+    let recipe = PackingRecipe::from_toml(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let (packing, _) = generate::<Discs>(&recipe, &mut |_| ()).unwrap();
+    let mut contact = recipe.contact;
+    contact.rotations = Rotations::InnerBlocked;
+    let target = StressTarget::of_tensor(&[[-1.2e5, 0.0, 0.0], [0.0, -0.9e5, 0.0], [0.0; 3]], 2).unwrap();
+    let mut silent = |_: &PackingProgress| ();
+    let log = ProgressLog::new(&mut silent);
+    let mut compaction = Compaction::new(packing, &contact, target, TOLERANCES_OF_CHANGED_PACKINGS, &log).unwrap();
+    compaction.servo().unwrap();
 }
 
 /// Nothing balances the moments on grains that may not turn, so their stress has couples, which no strain can take away: the servo waited

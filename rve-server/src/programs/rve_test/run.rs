@@ -127,6 +127,7 @@ fn new_run<S: SolverFor>(
         network: None,
         missed: [None; COMPONENTS],
         last_change: None,
+        strides: Strides::new(),
         sound: None,
         spent: Spent::default(),
         spent_settling: 0,
@@ -160,6 +161,8 @@ pub(super) struct Run<S: SolverFor> {
     missed: [Option<f64>; COMPONENTS],
     /// Change of G in the last increment of the same segment.
     pub(super) last_change: Option<Matrix>,
+    /// Parts in which increments of the same segment are taken.
+    strides: Strides,
     /// Elastic operator of the last state that a search started from and that carried a load; for cells that carry none.
     pub(super) sound: Option<Operator>,
     /// Cost of the present increment so far.
@@ -191,6 +194,7 @@ impl<S: SolverFor> Run<S> {
         let mut has_borne = self.summary.begins_with_motion == 0;
         for segment in &test.path {
             self.last_change = None;
+            self.strides = Strides::new();
             for _ in 0..segment.repeat {
                 if std::mem::replace(&mut has_borne, true) {
                     self.stress_level = raised_level(self.stress_level, &flat(&self.stress));
@@ -256,14 +260,13 @@ impl<S: SolverFor> Run<S> {
             *start = missed.unwrap_or(*start);
         }
         let mut committed_gradient = Matrix::ZERO;
-        let mut strides = Strides::new();
         for increment in 1..=segment.increments {
             let share = |number: u32| f64::from(number) / f64::from(segment.increments);
             let (begin, end) = (share(increment - 1), share(increment));
             self.spent = Spent { dem_steps: std::mem::take(&mut self.spent_settling), ..Spent::default() };
             let accepted = loop {
                 // The end itself, to the bit.
-                let (part, is_last) = strides.aim();
+                let (part, is_last) = self.strides.aim();
                 let aim = if is_last { end } else { begin + part * (end - begin) };
                 let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
                 let mut gradient = flat(&committed_gradient);
@@ -276,7 +279,7 @@ impl<S: SolverFor> Run<S> {
                 }
                 let (gradient, level) = (tensor_of(&gradient), self.stress_level);
                 let step = Step { kinematics, committed_gradient, gradient, targets, level };
-                let is_smallest = strides.is_shortest();
+                let is_smallest = self.strides.is_shortest();
                 let relaxed_before = self.spent.relaxed;
                 let attempt = if targets.iter().all(Option::is_none) {
                     self.prescribed(&step)
@@ -290,7 +293,7 @@ impl<S: SolverFor> Run<S> {
                     {
                         self.cell.rollback();
                         self.last_change = None;
-                        strides.halve();
+                        self.strides.halve();
                         continue;
                     }
                     attempt => attempt?,
@@ -298,19 +301,19 @@ impl<S: SolverFor> Run<S> {
                 if is_last {
                     break accepted;
                 }
-                strides.advance();
+                self.strides.advance(accepted.control != StressControl::Jump);
                 self.take_up(&step.kinematics, &accepted, &mut committed_gradient);
             };
             let operator = self.operator();
             let kinematics = SegmentKinematics { at_start: kinematics_at_start, committed: self.deformation };
             self.take_up(&kinematics, &accepted, &mut committed_gradient);
             let mut control = accepted.control;
-            if strides.is_cut() {
+            if self.strides.is_cut() {
                 self.summary.cut_increments += 1;
                 self.last_change = None;
                 control = control.max(StressControl::Cut);
             }
-            strides = strides.next_increment();
+            self.strides = self.strides.next_increment();
             self.summary.stress_jumps += u64::from(self.spent.has_jumped);
             // The row tells of its last state.
             let is_told = accepted.answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);

@@ -54,10 +54,10 @@ impl Strides {
         self.is_cut = true;
     }
 
-    /// The stride has been taken.
-    pub(super) fn advance(&mut self) {
+    /// The stride has been taken; whether its stresses were met in the end.
+    pub(super) fn advance(&mut self, is_met: bool) {
         self.taken += self.length;
-        self.met += 1;
+        self.met = if is_met { self.met + 1 } else { 0 };
         let longer = 2 * self.length;
         if self.met >= MET_BEFORE_DOUBLING && self.taken.is_multiple_of(longer) && self.taken + longer <= PARTS {
             self.length = longer;
@@ -100,7 +100,7 @@ mod tests {
                     if is_last {
                         break;
                     }
-                    strides.advance();
+                    strides.advance(random % 5 != 0);
                 }
                 strides = strides.next_increment();
             }
@@ -118,7 +118,7 @@ mod tests {
         let mut strides = strides.next_increment();
         assert_eq!((strides.aim(), strides.is_cut()), ((0.25, false), true));
         for _ in 0..2 {
-            strides.advance();
+            strides.advance(true);
         }
         assert_eq!(strides.aim().0, 0.75, "two of them are too few");
         let mut ends = Vec::new();
@@ -128,9 +128,13 @@ mod tests {
         strides.halve();
         while !strides.aim().1 {
             ends.push(strides.aim().0);
-            strides.advance();
+            strides.advance(true);
         }
         assert_eq!(ends, [0.125, 0.25, 0.375, 0.5, 0.75], "after four of them the next one is twice as long");
+        strides = Strides::new();
+        (0..3).for_each(|_| strides.halve());
+        (0..4).for_each(|number| strides.advance(number != 2));
+        assert_eq!(strides.aim().0, 0.625, "one of them was kept across a snap");
     }
 
     #[test]
