@@ -47,7 +47,7 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 _FALLS_SHORT = {
     "not_equilibrated": "whose grains did not come to rest",
     "stress_jumps": "in which the cell snaps across the stress that is kept",
-    "relaxed_increments": "in which the cell had snapped and came to the stress that is kept by itself",
+    "relaxed_increments": "in which the search for the stress that is kept failed, mostly for a snap, and the cell was relaxed to it",
     "no_load": "without load-bearing contacts",
     "large_overlap": "with overlaps above 10 %",
     "negative_void_ratio": "whose grains have more volume than their cell",

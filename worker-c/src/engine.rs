@@ -91,9 +91,7 @@ impl ForeignEngine {
             functions,
         })
     }
-}
 
-impl ForeignEngine {
     /// What is wrong with its numbers, if anything.
     pub(crate) fn defect(&self) -> Option<&'static str> {
         // Also where it is not a number.

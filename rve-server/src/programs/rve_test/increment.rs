@@ -3,6 +3,7 @@
 use super::error::{APART, ElementError, SMALLER_STEPS};
 use super::path::{Matrix, Operator, by_gradient, flat, tensor_of};
 use super::run::Run;
+use super::search_limit::SearchLimit;
 use super::servo::{Miss, Servo};
 use super::step::Step;
 use super::stress_control::StressControl;
@@ -12,10 +13,6 @@ use crate::solver::SolverFor;
 use crate::space::add_scaled;
 use crate::tangent::{self, FrozenMethod};
 use protocol::{Observables, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
-
-/// Most trials of one stride under stress control, where a shorter one may follow, and of the shortest.
-const MOST_TRIALS: u32 = 10;
-const MOST_TRIALS_OF_THE_SHORTEST: u32 = 30;
 
 /// Largest miss of a controlled stress, relative to the mean pressure, from which it is relaxed where a search has failed and a shorter
 /// stride could follow. From farther off the path would be another one.
@@ -100,16 +97,15 @@ impl<S: SolverFor> Run<S> {
             Some(change) => step.with_unknowns(&add_scaled(&step.committed_gradient, 1.0, change)),
             None => servo.predict(&step.gradient, &step.expected_stress(&self.stress, &sliding)),
         };
-        let (mut ramp_steps, mut trials) = (0, 0);
+        let mut ramp_steps = 0;
         let mut closest: Option<(Miss, f64, Matrix)> = None;
         let is_searched = self.spent.relaxed == 0 || self.spent.trials < MOST_SEARCHED;
-        let most_trials = match (is_searched, is_last_resort) {
-            (false, _) => 1,
-            (true, false) => MOST_TRIALS,
-            (true, true) => MOST_TRIALS_OF_THE_SHORTEST,
+        let mut limit = match (is_searched, is_last_resort) {
+            (false, _) => SearchLimit::of_one_trial(),
+            (true, false) => SearchLimit::of_a_stride(),
+            (true, true) => SearchLimit::of_the_last_resort(),
         };
-        while trials < most_trials {
-            trials += 1;
+        while limit.goes_on() {
             let answer = match self.attempt(step, &gradient, ramp_steps) {
                 // The search has left the range of one trial: the target lies beyond what the cell can carry.
                 Err(ElementError::Cell { increment, reason }) if is_out_of_range(&reason) => {
@@ -125,6 +121,7 @@ impl<S: SolverFor> Run<S> {
             let stress = tensor_of(&answer.stress.0);
             let scale = step.stress_scale(&stress, S::DIMENSION);
             let miss = servo.miss(&stress);
+            limit.count(miss.distance());
             let tolerance = self.stress_tolerance * scale;
             let is_reached = miss.distance() <= tolerance;
             let is_at_jump = servo.has_pinned_a_jump(tolerance) && gradient == servo.best(&gradient);

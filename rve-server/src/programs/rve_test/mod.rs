@@ -12,6 +12,7 @@ mod path;
 mod requests;
 mod row;
 mod run;
+mod search_limit;
 mod servo;
 mod start_check;
 mod step;

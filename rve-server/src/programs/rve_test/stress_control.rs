@@ -10,7 +10,8 @@ pub enum StressControl {
     Met,
     /// Met within the tolerance in parts of the increment.
     Cut,
-    /// Met within the tolerance after the cell had snapped within the increment: the unbalanced stress drove it through committed states.
+    /// Met within the tolerance after the search had failed, mostly because the cell snapped: the unbalanced stress drove it through committed
+    /// states.
     Relaxed,
     /// Not met at the end of the increment: the cell snaps across the target, and the nearest state is kept, outside the tolerance.
     Jump,

@@ -21,7 +21,8 @@ pub struct ElementSummary {
     pub stress_jumps: u64,
     /// Rows whose increment was cut because no strain was found for the controlled stresses.
     pub cut_increments: u64,
-    /// Rows in whose increments the unbalanced stress strained the cell in committed steps of their own, because it had snapped.
+    /// Rows in whose increments the unbalanced stress strained the cell in committed steps, because the search for the controlled stresses had
+    /// failed.
     pub relaxed_increments: u64,
     /// Rows whose relaxation ended before the grains were at rest; a packing that was to be brought to rest counts as one.
     pub not_equilibrated: u64,
@@ -114,7 +115,10 @@ impl ElementSummary {
                 "controlled stress not met: an instability of the cell or frame, or a stress_tolerance below what the tolerance of the grains allows",
                 self.stress_jumps,
             ),
-            ("controlled stress relaxed after the cell or frame had snapped", self.relaxed_increments),
+            (
+                "controlled stress relaxed in committed steps where the search for it failed: a snap of the cell or frame, or a stress_tolerance below what the tolerance of the grains allows",
+                self.relaxed_increments,
+            ),
             ("no load-bearing contacts", self.no_load_bearing_contacts),
             ("relaxed with another damping", self.damping_changed),
             ("increments cut for the stress control", self.cut_increments),
