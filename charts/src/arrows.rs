@@ -7,6 +7,9 @@ use crate::view::View;
 /// Length of the longest arrow over the mean radius of the grains.
 const LONGEST: f64 = 4.0;
 
+/// Arrows that are shorter than this share of the mean radius are rounding and are not drawn.
+const LEAST: f64 = 1e-9;
+
 /// Length of the head of an arrow over that of the arrow, and half of its width.
 const HEAD: [f64; 2] = [0.3, 0.12];
 
@@ -26,7 +29,8 @@ pub struct Arrows {
 }
 
 impl Arrows {
-    /// The picture. The longest arrow has four mean radii whatever its size, which the legend gives; grains without an arrow keep none.
+    /// The picture. The longest arrow has four mean radii whatever its size, which the legend gives; grains without an arrow keep none, and so do
+    /// those whose arrow is rounding.
     pub fn to_svg(&self) -> String {
         let view = View::of(&self.grains, &self.outline);
         let size = |arrow: &[f64; 2]| arrow[0].hypot(arrow[1]);
@@ -43,7 +47,7 @@ impl Arrows {
         view.outline(&mut svg, &self.outline);
         let unit = LONGEST * view.length(mean_radius) / longest;
         for (&(centre, _), arrow) in self.grains.iter().zip(&self.arrows) {
-            if size(arrow) > 0.0 && size(arrow).is_finite() {
+            if size(arrow) > LEAST * mean_radius && size(arrow).is_finite() {
                 draw(&mut svg, view.place(centre), arrow.map(|component| component * unit));
             }
         }

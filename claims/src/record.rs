@@ -5,7 +5,7 @@ use std::fs::OpenOptions;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Environment variable that names the folder of the record; nothing is written without it. The folder has to exist.
+/// Environment variable that names the folder of the record; nothing is written without it. The folder is made where it is missing.
 pub const FOLDER: &str = "GRAINSPAN_MEASURED";
 
 /// How a claim is compared.

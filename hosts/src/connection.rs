@@ -100,11 +100,11 @@ pub(crate) async fn read_message(
 
 async fn read_length(stream: &mut (impl AsyncRead + Unpin), longest: usize) -> io::Result<Option<usize>> {
     let mut length = [0u8; 4];
-    match stream.read_exact(&mut length).await {
-        Ok(_) => {}
-        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(None),
-        Err(error) => return Err(error),
+    // Only between two messages is the end of the stream one in good order.
+    if stream.read(&mut length[..1]).await? == 0 {
+        return Ok(None);
     }
+    stream.read_exact(&mut length[1..]).await?;
     let length = u32::from_le_bytes(length) as usize;
     if length > longest {
         let text = format!("a message of {length} bytes, more than the {longest} that are allowed");

@@ -42,7 +42,8 @@
   for (const button of element("controls").querySelectorAll("button")) {
     button.addEventListener("click", async () => {
       const action = button.dataset.action;
-      if (action === "stop" && !confirm("End the run after its current step? It can be continued with --resume.")) return;
+      const later = Grainspan.state?.keeps_checkpoints === false ? "It keeps no checkpoints and cannot be continued." : "It can be continued with --resume.";
+      if (action === "stop" && !confirm(`End the run after its current step? ${later}`)) return;
       const problem = await post("control", { action }).catch((error) => String(error));
       await update();
       if (problem) element("control-note").textContent = problem;

@@ -16,12 +16,19 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use tiny_http::{Method, Request};
 
 /// Requests that are answered at the same time: a browser opens some six connections.
 const THREADS: usize = 4;
+
+/// Bytes that the buffers of a connection take at once, whether its reader reads or not.
+const AT_ONCE: usize = 32 * 1024;
+
+/// Longer answers that are under way at the same time, each with a thread of its own: their readers may wait as long as they like.
+const MOST_UNDER_WAY: usize = 32;
 
 /// Where a server listens.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +64,11 @@ impl Server {
         let place =
             listener.server_addr().to_ip().ok_or_else(|| PageError("the server has no address".to_owned()))?;
         let key = random_key()?;
-        Ok(Self { listener, place, site: Site { folder, program, key, mesh: Mutex::default() } })
+        Ok(Self {
+            listener,
+            place,
+            site: Site { folder, program, key, mesh: Mutex::default(), under_way: AtomicUsize::new(0) },
+        })
     }
 
     /// Address of the page, key included.
@@ -103,12 +114,29 @@ fn has_body(request: &Request) -> bool {
     request.body_length().map_or_else(is_chunked, |length| length > 0)
 }
 
-fn respond(site: &Site, request: Request) {
+fn respond(site: &Arc<Site>, request: Request) {
     let answer = answered(|| site.answer(request.method() == &Method::Post, request.url()));
+    if answer.body.len() <= AT_ONCE {
+        return write(&answer, request);
+    }
+    if site.under_way.fetch_add(1, Ordering::Relaxed) < MOST_UNDER_WAY {
+        let site = Arc::clone(site);
+        thread::spawn(move || {
+            write(&answer, request);
+            site.under_way.fetch_sub(1, Ordering::Relaxed);
+        });
+    } else {
+        site.under_way.fetch_sub(1, Ordering::Relaxed);
+        write(&Answer::new(503, "text/plain", "too many answers that nobody reads are under way\n"), request);
+    }
+}
+
+fn write(answer: &Answer, request: Request) {
     let text = match answer.status {
         200 => "OK",
         404 => "Not Found",
         409 => "Conflict",
+        503 => "Service Unavailable",
         _ => "Internal Server Error",
     };
     // The server library gives each connection a thread of a pool for as long as it lasts, and lets further ones wait. Browsers keep
@@ -178,6 +206,8 @@ struct Site {
     key: String,
     /// The mesh and the run that it belongs to: a folder may get another one.
     mesh: Mutex<Option<(String, Value)>>,
+    /// Long answers that are being written.
+    under_way: AtomicUsize,
 }
 
 impl Site {
@@ -316,7 +346,8 @@ mod tests {
         fs::write(path.join("scene.toml"), "").unwrap();
         fs::write(path.join("history.csv"), "step,time\n0,0\n1,").unwrap();
         fs::write(path.join(".hidden"), "no").unwrap();
-        Site { folder: RunFolder::open(path).unwrap(), program: PROGRAM, key: "key".into(), mesh: Mutex::default() }
+        let folder = RunFolder::open(path).unwrap();
+        Site { folder, program: PROGRAM, key: "key".into(), mesh: Mutex::default(), under_way: AtomicUsize::new(0) }
     }
 
     #[test]
@@ -379,6 +410,7 @@ mod tests {
     fn the_server_listens_on_the_loopback_interface() {
         let place = tempfile::tempdir().unwrap();
         fs::write(place.path().join("scene.toml"), "").unwrap();
+        fs::write(place.path().join("large.csv"), vec![b'0'; 30_000_000]).unwrap();
         let folder = RunFolder::open(place.path()).unwrap();
         let settings = ServerSettings { port: 0, any_if_taken: false };
         let server = Server::bind(folder.clone(), PROGRAM, settings).unwrap();
@@ -419,6 +451,23 @@ mod tests {
         let text = receiver.recv_timeout(std::time::Duration::from_secs(20)).expect("an answer in spite of them");
         assert!(text.starts_with(b"HTTP/1.1 404"));
         drop(half_sent);
+        // So did answers that nobody reads.
+        let key = address.trim_start_matches(&format!("http://{place}"));
+        let unread: Vec<TcpStream> = (0..=THREADS)
+            .map(|_| {
+                let mut stream = TcpStream::connect(place).unwrap();
+                write!(stream, "GET {key}files/large.csv HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+                stream
+            })
+            .collect();
+        thread::sleep(std::time::Duration::from_millis(200));
+        let mut stream = TcpStream::connect(place).unwrap();
+        stream.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+        write!(stream, "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+        let mut text = Vec::new();
+        stream.read_to_end(&mut text).expect("an answer in spite of them");
+        assert!(text.starts_with(b"HTTP/1.1 404"));
+        drop(unread);
     }
 
     #[test]

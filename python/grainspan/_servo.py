@@ -71,7 +71,9 @@ def follow_mean_stress(cell: Rve, pressure: float, axial_strain: float, incremen
         begin = 1
     lateral = 0.0
     for axial in steps:
-        done, part, cost, start = 0.0, 1.0, 0, reached
+        done, part, start = 0.0, 1.0, reached
+        # Searches that fail count with their row.
+        before = counts["dem_steps"]
         while done < 1.0:
             aim = start + (done + part) * (pressure - start)
             is_smallest = part <= 0.5**_MOST_HALVINGS
@@ -87,16 +89,15 @@ def follow_mean_stress(cell: Rve, pressure: float, axial_strain: float, incremen
                 cell.rollback()
                 part *= 0.5
                 continue
-            gradient, change, result, spent = found
+            gradient, change, result = found
             cell.commit()
             deformation = (np.eye(dimension) + np.diag(gradient)) @ deformation
             # An increment without axial strain says nothing about those with one.
             lateral = 0.0 if axial is None else change / part
             done += part
-            cost += spent
         counts["cut_increments"] += part < 1.0
         reached = pressure
-        rows.append(_row(len(rows), deformation, result, cost))
+        rows.append(_row(len(rows), deformation, result, counts["dem_steps"] - before))
         counts["rows"] += 1
         for name, flags in _FLAGGED.items():
             counts[name] += bool(result.has(flags)[0])
@@ -128,7 +129,7 @@ def _increment(
     dimension = cell.dimension
     direction = _gradient(dimension, None if axial is None else 0.0, 1.0) != 0.0
     samples: list[tuple[float, float]] = []
-    ramp_steps, cost = 0, 0
+    ramp_steps = 0
     while len(samples) < _MOST_TRIALS:
         gradient = _gradient(dimension, axial, lateral)
         try:
@@ -141,10 +142,9 @@ def _increment(
         counts["dem_steps"] += int(result.force_evaluations[0])
         # The first trial chooses the ramp for all: the stress would jump with its length otherwise.
         ramp_steps = ramp_steps or int(result.ramp_steps[0])
-        cost += int(result.force_evaluations[0])
         error = -float(np.trace(result.stress[0])) / dimension - pressure
         if abs(error) <= tolerance * pressure:
-            return gradient, lateral, result, cost
+            return gradient, lateral, result
         samples.append((lateral, error))
         lateral = _next(samples, _slope(result, gradient, direction))
     if not (is_last_resort and samples):
@@ -157,7 +157,7 @@ def _increment(
     result = _trial(cell, gradient, ramp_steps)
     counts["trials"] += 1
     counts["dem_steps"] += int(result.force_evaluations[0])
-    return gradient, lateral, result, cost + int(result.force_evaluations[0])
+    return gradient, lateral, result
 
 
 def _slope(result: TrialResult, gradient: np.ndarray, direction: np.ndarray) -> float:

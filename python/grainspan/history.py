@@ -56,8 +56,8 @@ _FALLS_SHORT = {
 
 #: The same of the packing that it began with.
 _OF_PACKING = {
-    "settled": "the packing was not at rest under this contact law and was brought to rest before the first increment",
-    "begins_with_motion": "the packing was not at rest under this contact law: the first increment begins with its motion",
+    "settled": "the packing, or the frame cut out of it, was not at rest under this contact law and was brought to rest before the first increment",
+    "begins_with_motion": "the packing, or the frame cut out of it, was not at rest under this contact law: the first increment begins with its motion",
     "far_from_targets": "the stress of the packing and the first stresses of the path differ more than tenfold: check units, thickness and modulus",
 }
 

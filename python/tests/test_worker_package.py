@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ pytest.importorskip("xxhash")
 sys.path.insert(0, str(ROOT / "adapters" / "python"))
 
 from grainspan_worker import Answer, Rve, command_line, words  # noqa: E402
+from grainspan_worker.answer import TrialOptions  # noqa: E402
 from grainspan_worker.content import NONE, name_of  # noqa: E402
 from grainspan_worker.job_runner import JobRunner  # noqa: E402
 from grainspan_worker.layout import JOB, OBSERVABLES, STATUSES  # noqa: E402
+from grainspan_worker.state_source import PathSource  # noqa: E402
 
 STRAIN = np.diag([0.0, -1e-3, 0.0])
 
@@ -127,3 +130,45 @@ def test_a_snapshot_without_the_state_is_seen_in_the_first_step():
         assert "strain of 1.0e-03 is the initial one: the snapshots of the engine do not hold its state" in error["EngineFault"]
     for sound, target in ((Elastic, STRAIN), (Yielding, STRAIN), (Committed, np.zeros((3, 3))), (Committed, 1e-12 * STRAIN)):
         assert answered(sound, target=target)[1] is None
+
+
+class Counted(Elastic):
+    """The same without snapshots; knows how many of it are alive, and can be told to fail."""
+
+    alive = 0
+    fails = False
+
+    def __init__(self, definition):
+        super().__init__(definition)
+        Counted.alive += 1
+
+    def trial(self, gradient, ask):
+        if Counted.fails:
+            raise RuntimeError("no answer")
+        return super().trial(gradient, ask)
+
+    def release(self):
+        Counted.alive -= 1
+
+
+def test_states_that_are_paths_release_every_living_cell():
+    """Two cells may come to stand at one place after a step that was taken back; the one that was there is released."""
+    definition = SimpleNamespace(id=bytes(16))
+    Counted.alive, Counted.fails = 0, False
+    source = PathSource(Counted, definition, most_alive=8)
+    ask = TrialOptions(ramp_steps=1)
+
+    def solve(state):
+        return source.solve(name_of(state), state, STRAIN, ask)[1]
+
+    for _ in range(3):
+        behind = solve(source.initial)
+        solve(behind)
+    assert Counted.alive == len(source._alive) <= 3
+    # A state is built again from its path, and the engine fails meanwhile.
+    source.close()
+    assert Counted.alive == 0
+    Counted.fails = True
+    with pytest.raises(RuntimeError):
+        solve(behind)
+    assert Counted.alive == 0

@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Duration;
 
+/// What a request to save and end or wait comes to in a run without checkpoints.
+const NOTHING_SAVED: &str = ", and saves nothing: its scene says checkpoint.enabled = false";
+
 /// Between two looks at the run.
 const PAUSE: Duration = Duration::from_millis(50);
 
@@ -74,10 +77,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         let reason = format!("the run in {place} keeps no checkpoints: its scene says checkpoint.enabled = false");
         return Err(bad(page::PageError(reason)));
     }
+    // The folder of the requests goes with the run.
+    let saves_nothing = action != Action::Resume && controls.has(NO_CHECKPOINTS);
+    let unsaved = if saves_nothing { NOTHING_SAVED } else { "" };
     controls.request(action).map_err(bad)?;
     if !arguments.wait {
         let when = if action == Action::Resume { "goes on" } else { "acts after its current step" };
-        print(format!("{}: the run in {place} {when}\n", action.keyword()).as_bytes())?;
+        print(format!("{}: the run in {place} {when}{unsaved}\n", action.keyword()).as_bytes())?;
         return Ok(Exit::Done);
     }
     while !is_done(action, &controls, folder.path()) {
@@ -98,7 +104,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         let text = format!("the run in {place} could not save its state; {goes_on}: {}", reason.trim());
         return Err(bad(page::PageError(format!("{text}\nhint: {hint}"))));
     }
-    print(format!("{}: done\n", action.keyword()).as_bytes())?;
+    let unsaved = if saves_nothing { "; nothing was saved: its scene says checkpoint.enabled = false" } else { "" };
+    print(format!("{}: done{unsaved}\n", action.keyword()).as_bytes())?;
     Ok(Exit::Done)
 }
 

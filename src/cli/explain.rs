@@ -1,5 +1,6 @@
-//! `grainspan explain [KEY]`: what the keys of input files mean, from the definitions that also check them.
+//! `grainspan explain [KEY]`: what the keys of input files mean, from the definitions that also check them, and the terms of the glossary.
 
+use super::glossary;
 use crate::exit::{Exit, Failure};
 use crate::stdout::print;
 use scene_reader::{Kind, completions, explained, mentioned, nearest_key, overview};
@@ -11,10 +12,11 @@ use scene_reader::{Kind, completions, explained, mentioned, nearest_key, overvie
   grainspan explain loading.growth        one key: meaning, unit, default, range
   grainspan explain solver                a table with its keys
   grainspan explain time step             keys whose description has these words
+  grainspan explain rattler               a term of the glossary
   grainspan explain --markdown packing    the reference of packing recipes
   grainspan explain --schema scene        JSON schema for editors")]
 pub(crate) struct Arguments {
-    /// Key such as loading.growth, its last name, or a table; otherwise words that its explanation holds
+    /// Key such as loading.growth, its last name, a table, or a term of the glossary; otherwise words that an explanation holds
     #[arg(value_name = "KEY")]
     key: Vec<String>,
     /// Kind of input file [default: all]
@@ -54,7 +56,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 }
 
 fn explanation(kinds: &[Kind], key: &str) -> Result<String, Failure> {
-    let texts = explained(kinds, key);
+    let mut texts = explained(kinds, key);
+    texts.extend(glossary::entries(key));
     if !texts.is_empty() {
         return Ok(texts.join("\n"));
     }

@@ -14,6 +14,7 @@ mod estimate;
 mod explain;
 mod failure_case;
 mod force_distribution;
+mod glossary;
 mod pack;
 mod report;
 mod reproduce;

@@ -6,7 +6,7 @@ use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
 use rve_server::definition::Packing;
 use rve_server::preparation::{
-    PackingProgress, PackingRecipe, PackingReport, Requirement, SoftGrains, generate_any, soft_grains,
+    PackingProgress, PackingRecipe, PackingReport, Requirement, SoftGrains, generate_any, soft_grains, stiffness_hint,
 };
 use scene_reader::{Document, Kind};
 use std::path::PathBuf;
@@ -51,8 +51,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     drop(progress_line);
     let (packing, report) = made.map_err(|error| {
         let text = format!("{}: {error}", arguments.recipe.display());
-        let hint = "try another seed, more grains, a narrower grading or a looser tolerance; grains whose modulus is far above 1e5 times the pressure may \
-                    not get there at all";
+        let hint = stiffness_hint(&recipe)
+            .unwrap_or("try another seed, more grains, a narrower grading or a looser tolerance");
         Failure::new(Exit::NotConverged, format!("{text}\nhint: {hint}"))
     })?;
     let text = match &packing {

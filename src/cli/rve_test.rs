@@ -117,7 +117,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
     let progress_line = WaitingProgress::start(arguments.quiet);
-    let expected: usize = test.path.iter().map(|segment| segment.increments as usize * segment.repeat as usize).sum();
+    let rows_of = |segment: &rve_server::programs::rve_test::Segment| {
+        (segment.increments as usize).saturating_mul(segment.repeat as usize)
+    };
+    let expected = test.path.iter().map(rows_of).fold(0, usize::saturating_add);
     let interrupt = SignalWatch::flag("the present trial is the last")?;
     let raised = interrupt.clone();
     let requests = RowRequests {
@@ -247,15 +250,24 @@ impl Write for SharedBuffer {
 }
 
 fn closing(summary: &ElementSummary) -> String {
-    let fallbacks = summary.fallbacks().into_iter().map(|(what, rows)| format!("{what}: {}", rows_in_words(rows)));
-    let fallbacks: Vec<String> = fallbacks.chain(summary.listed_forces.warning()).collect();
-    let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };
+    let in_words = |(what, rows)| format!("{what}: {}", rows_in_words(rows));
+    let warnings = summary.warnings().into_iter().map(in_words).chain(summary.listed_forces.warning()).collect();
+    let fallbacks = summary.fallbacks().into_iter().map(in_words).collect();
     format!(
-        "{}, {}, {}; fallbacks: {fallbacks}",
+        "{}, {}, {}; {}",
         rows_in_words(summary.rows),
         counted(summary.trials, "trial"),
-        counted(summary.dem_steps, "force evaluation")
+        counted(summary.dem_steps, "force evaluation"),
+        shortfalls(warnings, fallbacks)
     )
+}
+
+/// What a test fell short of, and by which detours it met its tolerances; the latter are left out where there are none.
+pub(super) fn shortfalls(warnings: Vec<String>, fallbacks: Vec<String>) -> String {
+    let warnings = if warnings.is_empty() { "none".to_owned() } else { warnings.join(", ") };
+    let fallbacks =
+        if fallbacks.is_empty() { String::new() } else { format!("; fallbacks: {}", fallbacks.join(", ")) };
+    format!("warnings: {warnings}{fallbacks}")
 }
 
 /// So many things, whose plural ends in s.

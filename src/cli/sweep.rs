@@ -2,7 +2,7 @@
 //!
 //! The rows come in the order of the values whatever ends first, so the table has the same bytes for any number of jobs.
 
-use super::rve_test::rows_in_words;
+use super::rve_test::{rows_in_words, shortfalls};
 use crate::exit::{Exit, Failure};
 use crate::side_by_side::{cores, side_by_side};
 use crate::stderr::tell;
@@ -95,6 +95,7 @@ pub(super) struct Common<'a> {
 /// How one test ended: its rows as CSV, in how many of them it fell short and how, and why it did not reach its end.
 struct Ended {
     csv: Vec<u8>,
+    warnings: Vec<(&'static str, u64)>,
     fallbacks: Vec<(&'static str, u64)>,
     stopped: Option<String>,
     /// A remark on its first segment.
@@ -123,10 +124,11 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     let interrupt = SignalWatch::flag("the rows so far are written")?;
     let results = run_side_by_side(common, sweeps, &combinations, &interrupt);
     let found = Findings::of(sweeps, &combinations, results)?;
-    if !common.quiet && !found.fallbacks.is_empty() {
-        let all: Vec<String> =
-            found.fallbacks.iter().map(|(what, rows)| format!("{what}: {}", rows_in_words(*rows))).collect();
-        tell(format_args!("fallbacks: {}", all.join(", ")));
+    if !(common.quiet || found.warnings.is_empty() && found.fallbacks.is_empty()) {
+        let in_words = |counts: &BTreeMap<&str, u64>| {
+            counts.iter().map(|(what, rows)| format!("{what}: {}", rows_in_words(*rows))).collect()
+        };
+        tell(shortfalls(in_words(&found.warnings), in_words(&found.fallbacks)));
     }
     if let (Some(first), false) = (found.notes.first(), common.quiet) {
         let others = if found.notes.len() > 1 {
@@ -179,6 +181,8 @@ struct Findings {
     /// One table as CSV: a column for each key, then those of the tests.
     table: Vec<u8>,
     /// Rows that fell short, by how.
+    warnings: BTreeMap<&'static str, u64>,
+    /// Rows that met their tolerances by a detour, by which.
     fallbacks: BTreeMap<&'static str, u64>,
     /// Which tests stopped before their end, and why.
     stopped: Vec<String>,
@@ -206,6 +210,7 @@ impl Findings {
         let mut table = csv::Writer::from_writer(Vec::new());
         let mut found = Self {
             table: Vec::new(),
+            warnings: BTreeMap::new(),
             fallbacks: BTreeMap::new(),
             stopped: Vec::new(),
             started: 0,
@@ -225,7 +230,12 @@ impl Findings {
                 }
             };
             found.started += 1;
-            ended.fallbacks.iter().for_each(|(what, rows)| *found.fallbacks.entry(*what).or_default() += rows);
+            for (what, rows) in ended.warnings {
+                *found.warnings.entry(what).or_default() += rows;
+            }
+            for (what, rows) in ended.fallbacks {
+                *found.fallbacks.entry(what).or_default() += rows;
+            }
             found.notes.extend(ended.note.map(|note| format!("{}: {note}", described(sweeps, values))));
             if let Some(reason) = ended.stopped {
                 found.stopped.push(format!("{}: {reason}", described(sweeps, values)));
@@ -348,7 +358,8 @@ fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str], interrupt: &Inter
         Err(error) if error.is_bad_input() => return Err(document.table_error(error).into()),
         Err(error) => Some(error.to_string()),
     };
-    Ok(Ended { csv: table.csv, fallbacks: summary.fallbacks(), stopped, note: table.note })
+    let (warnings, fallbacks) = (summary.warnings(), summary.fallbacks());
+    Ok(Ended { csv: table.csv, warnings, fallbacks, stopped, note: table.note })
 }
 
 #[cfg(test)]

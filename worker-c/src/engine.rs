@@ -3,8 +3,9 @@
 
 use crate::table::{Answer, Cell, EngineTable, TrialOptions};
 use protocol::{
-    Capabilities, Cost, Definition, DefinitionId, RveEngine, RveError, RveSolver, Scalars, SnapshotKind, TangentKind,
-    Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, nanoseconds_since, snapshot,
+    Capabilities, Cost, Definition, DefinitionId, OptionalResult, RveEngine, RveError, RveSolver, Scalars,
+    SnapshotKind, TangentKind, Tensor2, TrialFlags, TrialOptions as WireOptions, TrialResult, nanoseconds_since,
+    snapshot,
 };
 use rve_server::contact::ContactTable;
 use rve_server::definition::{DefinedSpace, EngineFeature, GrainDefinition, PackingFile, RveOptions};
@@ -92,12 +93,25 @@ impl ForeignEngine {
         })
     }
 
-    /// What is wrong with its numbers, if anything.
-    pub(crate) fn defect(&self) -> Option<&'static str> {
+    /// What is wrong with its numbers and words, if anything: a word that nobody knows would be left aside without a sign.
+    pub(crate) fn defect(&self) -> Option<String> {
         // Also where it is not a number.
         let is_positive = self.largest_target > 0.0;
-        (!is_positive).then_some("largest_target of the engine must be positive: the largest |F - I| of one trial, INFINITY without a limit")
+        if !is_positive {
+            let text = "largest_target of the engine must be positive: the largest |F - I| of one trial, INFINITY without a limit";
+            return Some(text.to_owned());
+        }
+        let results = OptionalResult::ALL.map(OptionalResult::keyword);
+        let features = EngineFeature::ALL.map(EngineFeature::keyword);
+        unknown_word("observables", &self.observables, &results)
+            .or_else(|| unknown_word("features", &self.features, &features))
     }
+}
+
+/// What to say about the first word of a list of the engine that does not exist.
+fn unknown_word(list: &str, words: &[String], known: &[&str]) -> Option<String> {
+    let unknown = words.iter().find(|word| !known.contains(&word.as_str()))?;
+    Some(format!("unknown word `{unknown}` in `{list}` of the engine; there are {}", known.join(", ")))
 }
 
 impl RveEngine for ForeignEngine {

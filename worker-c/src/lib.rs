@@ -42,7 +42,7 @@ pub unsafe extern "C" fn grainspan_serve(run: *const c_char, engine: *const Engi
         return complain("a function of the engine or its name is missing");
     };
     if let Some(defect) = engine.defect() {
-        return complain(defect);
+        return complain(&defect);
     }
     served(&run, engine)
 }
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn grainspan_print_capabilities(engine: *const EngineTable
         return complain("a function of the engine or its name is missing");
     };
     if let Some(defect) = engine.defect() {
-        return complain(defect);
+        return complain(&defect);
     }
     let text = serde_json::to_string(&engine.capabilities()).expect("capabilities have no unserialisable parts");
     match writeln!(std::io::stdout(), "{text}") {

@@ -110,6 +110,9 @@ class PathSource:
             rve.release()
             raise
         step = (numpy.ascontiguousarray(gradient, dtype="<f8").tobytes(), ask.ramp_steps)
+        # Another one may have been left at this place, from a step that was taken back.
+        if path in self._alive:
+            self._alive.pop(path)[0].release()
         self._alive[path] = (rve, step)
         return answer, self._sealed(path + (step,))
 
@@ -136,10 +139,14 @@ class PathSource:
         while len(self._alive) >= self._most_alive:
             self._alive.popitem(last=False)[1][0].release()
         rve = self._rve_class(self._definition)
-        for target, ramp_steps in path:
-            rve.trial(numpy.frombuffer(target, "<f8").reshape(3, 3), TrialOptions(ramp_steps=ramp_steps))
-            rve.commit()
-            self.replayed += 1
+        try:
+            for target, ramp_steps in path:
+                rve.trial(numpy.frombuffer(target, "<f8").reshape(3, 3), TrialOptions(ramp_steps=ramp_steps))
+                rve.commit()
+                self.replayed += 1
+        except Exception:
+            rve.release()
+            raise
         return rve
 
     def _sealed(self, path):

@@ -2,7 +2,7 @@
 
 use super::frame::frames;
 use crate::cell;
-use crate::controls::{Action, Controls, NOT_SAVED, PAUSED};
+use crate::controls::{Action, Controls, NO_CHECKPOINTS, NOT_SAVED, PAUSED};
 use crate::folder::RunFolder;
 use crate::program::Program;
 use serde_json::{Map, Value, json};
@@ -52,6 +52,7 @@ pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
         "live": live,
         "requests": requests,
         "requested_cells": controls.cells(),
+        "keeps_checkpoints": !controls.has(NO_CHECKPOINTS),
         "not_saved": controls.text(NOT_SAVED).map(|reason| reason.trim().to_owned()),
         "figures": figures,
         "counters": summary.as_ref().or(live.as_ref()).map(|counts| counters(counts, program)),

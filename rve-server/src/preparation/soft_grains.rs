@@ -8,6 +8,10 @@ use crate::space::Space;
 /// Expected overlap over diameter above which no packing can meet the limit of 0.1: the estimate is good to a factor of two and a half.
 const LARGEST_OVERLAP: f64 = 0.25;
 
+/// Expected overlaps over diameter beyond which the stiffness is a likely reason of a packing that cannot be made.
+const SOFT: f64 = 0.04;
+const STIFF: f64 = 2e-5;
+
 /// Why the grains of a recipe are too soft for its pressure.
 pub struct SoftGrains {
     /// What is wrong, for people.
@@ -38,6 +42,17 @@ pub fn soft_grains(recipe: &PackingRecipe) -> Option<SoftGrains> {
         shown(overlap)
     );
     Some(SoftGrains { problem, remedy })
+}
+
+/// What the stiffness of a recipe has to do with a packing that could not be made; nothing in the range that is usual.
+pub fn stiffness_hint(recipe: &PackingRecipe) -> Option<&'static str> {
+    match expected_overlap(recipe)? {
+        overlap if overlap > SOFT => Some("its grains are soft for this pressure: give contact a larger stiffness"),
+        overlap if overlap < STIFF => Some(
+            "its grains are so stiff for this pressure that they may not get there at all: a smaller stiffness will do",
+        ),
+        _ => None,
+    }
 }
 
 /// Why the grains of a packing are too soft to be brought to a pressure (Pa), in one sentence with its remedy.

@@ -14,7 +14,7 @@ pub use answered_by::AnsweredBy;
 pub use grain_solver::{End, GrainSolver, PathEnergies, SolveJob, Solved};
 pub use linear::{DiscMotions, DiscPair, LinearResponses};
 pub(crate) use relaxation::{
-    Advice, ConvergenceMonitor, Imbalance, LEAST_LOAD, descent_share, is_far_from_rest, side_by_side,
+    Advice, ConvergenceMonitor, Imbalance, LEAST_LOAD, descent_share, holds_together_far_from_rest, side_by_side,
 };
 
 use crate::contact::{ContactLaws, ContactTable};

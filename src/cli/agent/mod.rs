@@ -21,6 +21,7 @@ pub(crate) const WITHOUT_HOSTS: &str =
   node2$ grainspan agent --join out/biaxial/join   the folder is on both hosts
   node2$ grainspan agent --join node1:7400 --secret ~/.grainspan-secret
 
+For programs built with `--features hosts`, as the packages are.
 Agents may join and leave while the run goes on; results stay bitwise identical.
 Exit codes: 0 the run has ended; 2 refused, or bad input; 3 no run was found, or it was lost for too long; 130 stopped.")]
 pub(crate) struct Arguments {

@@ -26,7 +26,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "RUN")]
     pub(super) attach: Option<String>,
     /// Let agents of other hosts join at this endpoint (`grainspan agent`); port 0 takes a free one. The file `join` in the
-    /// output folder tells agents how
+    /// output folder tells agents how. For programs built with `--features hosts`
     #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "attach")]
     pub(super) listen: Option<String>,
     /// Address of this host in the file `join`; several for several networks [default: that of --listen, or this host's name]

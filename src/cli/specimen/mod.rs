@@ -7,7 +7,7 @@ mod profile;
 use self::checkpoint::SpecimenCheckpoint;
 use self::pictures::Pictures;
 use self::profile::Profiles;
-use super::rve_test::rows_in_words;
+use super::rve_test::{rows_in_words, shortfalls};
 use crate::exit::{Exit, Failure};
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
@@ -54,7 +54,7 @@ pub(crate) struct Arguments {
     /// Folder for the shear of the layers that `[profile]` of the test names, and the shear band that it shows
     #[arg(long, value_name = "DIR")]
     profiles: Option<PathBuf>,
-    /// Folder for checkpoints of the run; removed when it has ended
+    /// Folder for checkpoints of the run, which are removed when it has ended
     #[arg(long, value_name = "DIR")]
     checkpoint: Option<PathBuf>,
     /// Steps between two checkpoints
@@ -319,22 +319,19 @@ fn profiles(arguments: &Arguments, test: &SpecimenTest, dimension: usize) -> Res
 
 fn closing(summary: &SpecimenSummary) -> String {
     let SpecimenSummary { grains, steps, renewals, shortenings, unbalanced_stages, .. } = summary;
-    let mut fallbacks = Vec::new();
+    let mut warnings = Vec::new();
     if *unbalanced_stages > 0 {
-        fallbacks.push(format!("stages without equilibrium at the end: {unbalanced_stages}"));
-    }
-    if *shortenings > 0 {
-        fallbacks.push(format!("shortened steps: {shortenings}"));
+        warnings.push(format!("stages without equilibrium at the end: {unbalanced_stages}"));
     }
     if summary.servo_misses > 0 {
-        fallbacks.push(format!(
+        warnings.push(format!(
             "wall stress off its target in {}, by {:.1} % at most",
             rows_in_words(summary.servo_misses),
             100.0 * summary.largest_servo_error
         ));
     }
     if summary.unbalanced_rows > 0 {
-        fallbacks.push(format!(
+        warnings.push(format!(
             "not quasi-static in {}: an unbalanced force is above a tenth of the mean contact force, up to {:.2} of it; more `steps` make \
              a stage slower",
             rows_in_words(summary.unbalanced_rows),
@@ -342,22 +339,23 @@ fn closing(summary: &SpecimenSummary) -> String {
         ));
     }
     if summary.energy_misses > 0 {
-        fallbacks.push(format!(
+        warnings.push(format!(
             "energy not accounted for in {}, {:.1} % at most",
             rows_in_words(summary.energy_misses),
             100.0 * summary.largest_energy_error
         ));
     }
     if summary.overlap_misses > 0 {
-        fallbacks.push(format!(
+        warnings.push(format!(
             "grains overlap by more than a tenth of a diameter in {} rows, by {:.2} at most: the contact law holds for far less",
             summary.overlap_misses, summary.largest_overlap
         ));
     }
-    let fallbacks = if fallbacks.is_empty() { "none".to_owned() } else { fallbacks.join(", ") };
+    let fallbacks = if *shortenings > 0 { vec![format!("shortened steps: {shortenings}")] } else { Vec::new() };
     format!(
-        "{}\n{grains} grains, {steps} steps, {renewals} pair lists; fallbacks: {fallbacks}",
-        start_text(&summary.start)
+        "{}\n{grains} grains, {steps} steps, {renewals} neighbour lists; {}",
+        start_text(&summary.start),
+        shortfalls(warnings, fallbacks)
     )
 }
 

@@ -123,7 +123,7 @@ fn sample(study: &Study, place: Place, measures: &[RowMeasure], keep_going: &(dy
                     if keep_going() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
                 });
                 let path = rows.finish(study.smoothing, end.result.err().map(|error| error.to_string()));
-                Path { fallbacks: end.summary.fallbacks(), ..path }
+                Path { fallbacks: [end.summary.warnings(), end.summary.fallbacks()].concat(), ..path }
             })
             .collect()),
     };
@@ -256,16 +256,19 @@ impl Results<'_> {
 /// Refuses tests that no packing of the study can follow, before any is made.
 ///
 /// # Errors
-/// A path has components out of the plane of discs, or a frame, whose rows come without a way to end them.
+/// A path has components out of the plane of discs, or spheres would have to bound a frame.
 pub(super) fn check(study: &Study) -> Result<(), Failure> {
     let refuse = |problem: String| Err(Failure::new(crate::exit::Exit::BadInput, problem));
     for test in &study.tests {
-        if test.test.frame.is_some() {
-            return refuse(format!("test '{}': frames are not studied; remove the table [frame]", test.name));
-        }
         for recipe in &study.recipes {
             if let Some(SoftGrains { problem, remedy }) = soft_grains(&recipe.recipe) {
                 return refuse(format!("recipe '{}': {problem}; {remedy}", recipe.name));
+            }
+            if test.test.frame.is_some() && recipe.recipe.dimension != 2 {
+                return refuse(format!(
+                    "test '{}': boundary-particle frames are for plane packings; remove the table [frame], or choose discs in recipe '{}'",
+                    test.name, recipe.name
+                ));
             }
             if let Err(error) = test.test.check_dimension(recipe.recipe.dimension as usize) {
                 return refuse(format!("test '{}' of '{}': {error}", test.name, recipe.name));

@@ -63,7 +63,7 @@ fn a_specimen_with_rolling_and_damping_comes_to_balance() {
     std::fs::write(&test, text).unwrap();
     let (code, text, output) = run(&site, &["specimen", test.to_str().unwrap()]);
     assert_eq!(code, 0, "{text}");
-    assert!(text.contains("fallbacks: none"), "{text}");
+    assert!(text.contains("warnings: none"), "{text}");
     let table = String::from_utf8(output.stdout).unwrap();
     let (stress, missing) = (column(&table, "wall_sigma_yy"), column(&table, "missing_energy"));
     assert!((stress.last().unwrap() / -1e5 - 1.0).abs() < 1e-3, "{table}");

@@ -1,22 +1,16 @@
 //! Targets of exactly zero: the committed state is the answer. Packings that are not at rest under their law can be brought to rest.
 
 use super::{GrainRve, Trial, View};
-use crate::solver::{PathEnergies, SolverFor, is_far_from_rest};
+use crate::solver::{PathEnergies, SolverFor, holds_together_far_from_rest};
 use crate::space::Tensor;
 use protocol::{Cost, RveError, TrialFlags, TrialOptions, TrialResult, nanoseconds_since};
 use std::time::Instant;
-
-/// Fewest contacts per grain, each counted at both ends and rattlers left out, of a cell that can come to rest: less holds nothing together.
-const HELD_TOGETHER: f64 = 2.0;
 
 impl<S: SolverFor> GrainRve<S> {
     /// Whether the state that an answer with all observables describes holds together and is far from equilibrium: the packing of another law. States that a
     /// trial has left are far below the bound.
     pub fn is_far_from_rest(&self, answer: &TrialResult) -> bool {
-        let unbalanced = answer.scalars.unbalanced_force_ratio;
-        unbalanced.is_finite()
-            && is_far_from_rest(unbalanced, self.model.options.tolerance())
-            && answer.observed.coordination_number_no_rattlers >= HELD_TOGETHER
+        holds_together_far_from_rest(answer, self.model.options.tolerance())
     }
 
     /// Whether the committed state is the answer to this target. With less friction than that of the definition it need not be at rest: it

@@ -14,7 +14,7 @@ use crate::homogenization::picture::CellPicture;
 use crate::homogenization::stress::first_piola;
 use crate::programs::specimen::{Body, ContactSums, Grain};
 use crate::simd::Tuple;
-use crate::solver::chosen_ramp_steps;
+use crate::solver::{chosen_ramp_steps, holds_together_far_from_rest};
 use crate::space::plane::{self, Plane};
 use crate::space::{Discs, Space};
 use protocol::{
@@ -247,6 +247,12 @@ impl FrameRve {
     /// and a stress from before that does not belong to theirs. Finite differences of the two would be far from any stiffness.
     fn is_at_rest(&self) -> bool {
         self.committed.unbalanced <= self.options.largest_unbalanced_at_rest()
+    }
+
+    /// Whether the state that an answer describes holds together and is far from equilibrium, as frames are that were cut with sides which count
+    /// whole.
+    pub(crate) fn is_far_from_rest(&self, answer: &TrialResult) -> bool {
+        holds_together_far_from_rest(answer, self.options.largest_unbalanced_at_rest())
     }
 
     fn solve(&mut self, h: &Plane, options: &TrialOptions) -> Result<TrialResult, RveError> {

@@ -1,7 +1,7 @@
 //! One increment: a trial where all components are strains, a search where stresses are controlled.
 
 use super::error::{APART, ElementError, SMALLER_STEPS};
-use super::path::{Matrix, Operator, by_gradient, flat, tensor_of};
+use super::path::{Matrix, flat, tensor_of};
 use super::run::Run;
 use super::search_limit::SearchLimit;
 use super::servo::{Miss, Servo};
@@ -9,10 +9,9 @@ use super::step::Step;
 use super::stress_control::StressControl;
 use super::stress_relaxation::{LARGEST_JUMP, MOST_RELAXED, Relaxation, STEPS_BEFORE_NEAREST, is_out_of_range};
 use super::test_file::COMPONENT_KEYS;
-use crate::solver::SolverFor;
-use crate::space::add_scaled;
-use crate::tangent::{self, FrozenMethod};
-use protocol::{Observables, RveSolver, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
+use super::tested_cell::TestedCell;
+use crate::space::{Space, add_scaled};
+use protocol::{Observables, TangentKind, Tensor2, TrialFlags, TrialOptions, TrialResult};
 
 /// Largest miss of a controlled stress, relative to the mean pressure, from which it is relaxed where a search has failed and a shorter
 /// stride could follow. From farther off the path would be another one.
@@ -29,8 +28,8 @@ pub(super) struct Spent {
     pub(super) dem_steps: u64,
     /// Committed steps of relaxed stresses.
     pub(super) relaxed: u32,
-    /// Some of them have not come to rest.
-    pub(super) is_restless: bool,
+    /// Those of them that have not come to rest.
+    pub(super) restless: u32,
     /// The last trial had no load-bearing contacts.
     pub(super) is_apart: bool,
     /// The nearer side of a snap was kept, at least in a part of the increment.
@@ -44,9 +43,14 @@ pub(super) struct Accepted {
     pub(super) control: StressControl,
 }
 
-impl<S: SolverFor> Run<S> {
+impl<C: TestedCell> Run<C> {
     /// One trial.
-    fn attempt(&mut self, step: &Step, gradient: &Matrix, ramp_steps: u32) -> Result<TrialResult, ElementError> {
+    pub(super) fn attempt(
+        &mut self,
+        step: &Step,
+        gradient: &Matrix,
+        ramp_steps: u32,
+    ) -> Result<TrialResult, ElementError> {
         if self.stop.is_made() {
             return Err(ElementError::Interrupted { increment: self.summary.rows });
         }
@@ -68,12 +72,7 @@ impl<S: SolverFor> Run<S> {
     }
 
     pub(super) fn keep_network(&mut self) {
-        self.network = self.cell.network().cloned();
-    }
-
-    fn by_operator(&self, method: FrozenMethod, gradient: &Matrix) -> Operator {
-        let network = self.network.as_ref().expect("row 0 sets the network");
-        by_gradient(&tangent::evaluate(network, method).operator, gradient)
+        self.network = self.cell.trial_network().cloned();
     }
 
     pub(super) fn prescribed(&mut self, step: &Step) -> Result<Accepted, ElementError> {
@@ -86,8 +85,8 @@ impl<S: SolverFor> Run<S> {
     /// stress: the nearest trial is committed and the stresses are relaxed from there. As the last resort the nearest trial is taken, if that
     /// is as near as a snap may leave it, and the stresses are relaxed otherwise, from however far.
     pub(super) fn controlled(&mut self, step: &Step, is_last_resort: bool) -> Result<Accepted, ElementError> {
-        let elastic = self.by_operator(FrozenMethod::TRUSS_LIKE, &step.committed_gradient);
-        let sliding = self.by_operator(FrozenMethod::TRUSS_LIKE_SLIP, &step.committed_gradient);
+        let elastic = self.elastic(step)?;
+        let sliding = self.sliding(step)?;
         if Relaxation::new(&step.targets).is_sound(&elastic) {
             self.sound = Some(elastic);
         }
@@ -119,7 +118,7 @@ impl<S: SolverFor> Run<S> {
             // The first trial chooses the ramp for all: the stress would jump with its length otherwise.
             ramp_steps = u32::try_from(answer.cost.ramp_steps).unwrap_or(u32::MAX);
             let stress = tensor_of(&answer.stress.0);
-            let scale = step.stress_scale(&stress, S::DIMENSION);
+            let scale = step.stress_scale(&stress, C::Grains::DIMENSION);
             let miss = servo.miss(&stress);
             limit.count(miss.distance());
             let tolerance = self.stress_tolerance * scale;
@@ -128,6 +127,7 @@ impl<S: SolverFor> Run<S> {
             if is_reached || (is_at_jump && miss.distance() <= LARGEST_JUMP * scale) {
                 self.spent.has_jumped |= !is_reached;
                 self.keep_network();
+                self.follow_up(&servo);
                 let control = if is_reached { StressControl::Met } else { StressControl::Jump };
                 return Ok(Accepted { gradient, answer, control });
             }
@@ -142,6 +142,7 @@ impl<S: SolverFor> Run<S> {
                 gradient = servo.best(&gradient);
             }
         }
+        self.forget_followed();
         let (miss, tolerance, gradient) = closest.expect("the first trial was answered");
         // A relaxation that may not end as near as a snap leaves it would end the test, where shorter strides are still to come.
         let has_room = self.spent.relaxed + STEPS_BEFORE_NEAREST < MOST_RELAXED;
@@ -169,7 +170,7 @@ impl<S: SolverFor> Run<S> {
             let answer = self.attempt(&step, &gradient, std::mem::take(&mut ramp))?;
             self.keep_network();
             let stress = tensor_of(&answer.stress.0);
-            let scale = step.stress_scale(&stress, S::DIMENSION);
+            let scale = step.stress_scale(&stress, C::Grains::DIMENSION);
             let miss = step.miss(&stress);
             let tolerance = self.stress_tolerance * scale;
             let is_reached = miss.distance() <= tolerance;
@@ -182,18 +183,18 @@ impl<S: SolverFor> Run<S> {
             if nearest.is_none_or(|(best, _)| miss.distance() < best.distance()) {
                 nearest = Some((miss, tolerance));
             }
-            if self.spent.relaxed >= MOST_RELAXED {
+            if self.spent.relaxed >= MOST_RELAXED || self.spent.restless >= C::MOST_RESTLESS {
                 let (miss, tolerance) = nearest.expect("just set");
                 return Err(self.not_reached(&miss, tolerance));
             }
-            self.spent.is_restless |= answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
-            let energies = self.cell.trial_energies();
+            self.spent.restless += u32::from(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
+            let energies = self.cell.energies_of_trial();
             self.cell.commit().expect("the trial is the latest");
             step.advance_committed(gradient);
             self.work.advance(step.kinematics.committed, stress, energies);
             taken += 1;
             self.spent.relaxed += 1;
-            let elastic = self.by_operator(FrozenMethod::TRUSS_LIKE, &gradient);
+            let elastic = self.elastic(&step)?;
             let elastic = match self.sound {
                 Some(sound) if !relaxation.is_sound(&elastic) => sound,
                 _ => elastic,

@@ -1,14 +1,15 @@
 //! The element test: one cell along a path of prescribed strains and servo-controlled stresses, without finite elements.
 //!
-//! Every increment is one accepted trial of the cell. Stress components are met by a Newton search over the strain
-//! components that work on them (`servo`); each iteration is a trial from the committed state, so that the search
-//! leaves no trace in the grains.
+//! An increment is one trial of the cell where strains alone are prescribed. Stress components are met by a Newton search over the strain
+//! components that work on them (`servo`); each iteration is a trial from the committed state, so that the search leaves no trace in the
+//! grains. Where a search fails, the increment is taken in shorter strides (`strides`), and where these fail, the stresses are relaxed in committed
+//! steps (`stress_relaxation`). Frames of boundary grains go the same way; what differs is in `tested_cell`.
 
 mod csv_table;
 mod error;
 mod increment;
-mod on_frame;
 mod path;
+mod probes;
 mod requests;
 mod row;
 mod run;
@@ -21,10 +22,15 @@ mod stress_relaxation;
 mod strides;
 mod summary;
 mod test_file;
+mod tested_cell;
 mod work;
 
 #[cfg(test)]
+mod frame_tests;
+#[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unrest_tests;
 
 pub use csv_table::{ElementCsv, ElementTable, element_table};
 pub use error::ElementError;

@@ -2,8 +2,8 @@
 
 use super::error::ElementError;
 use super::increment::{Accepted, Spent};
-use super::on_frame::run_frame_element;
 use super::path::{COMPONENTS, Matrix, Operator, SegmentKinematics, flat, tensor_of};
+use super::probes::Probed;
 use super::requests::{RowRequests, StopRequests};
 use super::row::ElementRow;
 use super::start_check::is_far_from_targets;
@@ -12,16 +12,17 @@ use super::stress_control::StressControl;
 use super::strides::Strides;
 use super::summary::{ElementEnd, ElementSummary};
 use super::test_file::{ElementTest, Segment};
+use super::tested_cell::TestedCell;
 use super::work::PathWork;
 use crate::cell::{ContactNetwork, GrainState};
 use crate::definition::{GrainDefinition, Packing, PackingFile};
 use crate::engine::GrainRve;
 use crate::homogenization::fluctuation::displacement_fluctuations;
-use crate::homogenization::picture::CellPicture;
+use crate::programs::frame::{FrameDefinition, FrameRve};
 use crate::solver::SolverFor;
-use crate::space::{Tensor, add_scaled, inverse, product};
+use crate::space::{Space, Tensor, add_scaled, inverse, product};
 use crate::tangent::{self, Closeness};
-use protocol::{Observables, RveError, RveSolver, TangentKind, TrialFlags, TrialOptions};
+use protocol::{RveError, TangentKind, TrialFlags};
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -31,7 +32,8 @@ use std::path::Path;
 ///
 /// A controlled stress component is accepted within `stress_tolerance` times the mean pressure `|tr sigma|` over the
 /// dimension of the trial (or times the largest target, or a hundredth of the largest stress at which a segment has started, if that is
-/// greater: a cell without pressure has no scale of its own).
+/// greater: a cell without pressure has no scale of its own). The stress of a packing that is far from rest does not count, but that of its first
+/// row instead.
 ///
 /// # Errors
 /// See [`ElementError`]; rows delivered before stay valid.
@@ -71,26 +73,38 @@ fn run_requested(
     if test.frame.is_some() && requests.tangent != TangentKind::None {
         return refused("frame: the table of a frame has no tangent; leave out --tangent, or the table");
     }
-    match packing {
-        Packing::Discs(packing) => match &test.frame {
-            Some(options) => run_frame_element(test, options, packing, requests, on_row),
-            None => run_in_space(test, packing, requests, on_row),
-        },
-        Packing::Spheres(_) if test.frame.is_some() => {
+    match (packing, &test.frame) {
+        (Packing::Discs(packing), None) => run_on(periodic_cell(test, packing), test, requests, on_row),
+        (Packing::Spheres(packing), None) => run_on(periodic_cell(test, packing), test, requests, on_row),
+        (Packing::Discs(packing), Some(options)) => {
+            let definition = FrameDefinition { packing, contact: test.contact.clone(), frame: options.clone() };
+            let frame = FrameRve::new(&definition).map_err(ElementError::Definition);
+            run_on(frame.and_then(|frame| test.check_dimension(2).map(|()| frame)), test, requests, on_row)
+        }
+        (Packing::Spheres(_), Some(_)) => {
             refused("frame: boundary-particle frames are for plane packings; remove the table")
         }
-        Packing::Spheres(packing) => run_in_space(test, packing, requests, on_row),
     }
 }
 
-fn run_in_space<S: SolverFor>(
+fn periodic_cell<S: SolverFor>(test: &ElementTest, packing: PackingFile<S>) -> Result<GrainRve<S>, ElementError> {
+    test.check_dimension(S::DIMENSION)?;
+    let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
+    let mut cell = GrainRve::new(&definition).map_err(ElementError::Definition)?;
+    cell.solve_operators_to(Closeness::RESULT);
+    cell.count_energies();
+    Ok(cell)
+}
+
+fn run_on<C: TestedCell>(
+    cell: Result<C, ElementError>,
     test: &ElementTest,
-    packing: PackingFile<S>,
     requests: RowRequests,
     on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
 ) -> ElementEnd {
-    match new_run(test, packing, requests) {
-        Ok(mut run) => {
+    match cell {
+        Ok(cell) => {
+            let mut run = Run::new(cell, test, requests);
             let result = run.follow_path(test, on_row);
             ElementEnd { summary: run.summary, result }
         }
@@ -98,52 +112,16 @@ fn run_in_space<S: SolverFor>(
     }
 }
 
-/// The cell in the state of the packing, before its first row.
-fn new_run<S: SolverFor>(
-    test: &ElementTest,
-    packing: PackingFile<S>,
-    requests: RowRequests,
-) -> Result<Run<S>, ElementError> {
-    test.check_dimension(S::DIMENSION)?;
-    let definition = GrainDefinition { packing, contact: test.contact.clone(), options: test.rve.clone() };
-    let mut cell = GrainRve::new(&definition).map_err(ElementError::Definition)?;
-    cell.solve_operators_to(Closeness::RESULT);
-    cell.count_energies();
-    let summary = ElementSummary { listed_forces: cell.listed_forces(), ..ElementSummary::default() };
-    Ok(Run {
-        cell,
-        stress_tolerance: test.stress_tolerance,
-        tangent: requests.tangent,
-        pictures: requests.pictures,
-        fluctuations_from: requests.fluctuations_from,
-        stop: requests.stop,
-        reference: None,
-        summary,
-        deformation: Matrix::IDENTITY,
-        stress: Matrix::ZERO,
-        stress_level: 0.0,
-        is_far_from_rest: false,
-        work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO, f64::NAN),
-        network: None,
-        missed: [None; COMPONENTS],
-        last_change: None,
-        strides: Strides::new(),
-        sound: None,
-        spent: Spent::default(),
-        spent_settling: 0,
-    })
-}
-
 /// A test on its way.
-pub(super) struct Run<S: SolverFor> {
-    pub(super) cell: GrainRve<S>,
+pub(super) struct Run<C: TestedCell> {
+    pub(super) cell: C,
     pub(super) stress_tolerance: f64,
     tangent: TangentKind,
     pictures: BTreeSet<u64>,
     fluctuations_from: Option<u64>,
     pub(super) stop: StopRequests,
     /// Grains and deformation from which fluctuations are counted, once they are reached.
-    reference: Option<(GrainState<S>, Matrix)>,
+    reference: Option<(GrainState<C::Grains>, Matrix)>,
     pub(super) summary: ElementSummary,
     /// F of the committed state, relative to the packing as given.
     deformation: Matrix,
@@ -156,7 +134,7 @@ pub(super) struct Run<S: SolverFor> {
     /// Work and damping up to the committed state.
     pub(super) work: PathWork,
     /// Network of the committed state with the contacts that slid in the last step.
-    pub(super) network: Option<ContactNetwork<S>>,
+    pub(super) network: Option<ContactNetwork<C::Grains>>,
     /// Targets of the last segment if its last increment missed them, Pa.
     missed: [Option<f64>; COMPONENTS],
     /// Change of G in the last increment of the same segment.
@@ -165,13 +143,43 @@ pub(super) struct Run<S: SolverFor> {
     strides: Strides,
     /// Elastic operator of the last state that a search started from and that carried a load; for cells that carry none.
     pub(super) sound: Option<Operator>,
+    /// What perturbations have told in this segment, where no operator of the contacts does.
+    pub(super) probed: Option<Probed>,
     /// Cost of the present increment so far.
     pub(super) spent: Spent,
     /// DEM steps in which the packing came to rest; they count with the first increment.
     spent_settling: u64,
 }
 
-impl<S: SolverFor> Run<S> {
+impl<C: TestedCell> Run<C> {
+    /// Before row 0.
+    fn new(cell: C, test: &ElementTest, requests: RowRequests) -> Self {
+        let summary = ElementSummary { listed_forces: cell.forces_not_taken_over(), ..ElementSummary::default() };
+        Self {
+            cell,
+            stress_tolerance: test.stress_tolerance,
+            tangent: requests.tangent,
+            pictures: requests.pictures,
+            fluctuations_from: requests.fluctuations_from,
+            stop: requests.stop,
+            reference: None,
+            summary,
+            deformation: Matrix::IDENTITY,
+            stress: Matrix::ZERO,
+            stress_level: 0.0,
+            is_far_from_rest: false,
+            work: PathWork::new(Matrix::IDENTITY, Matrix::ZERO, f64::NAN),
+            network: None,
+            missed: [None; COMPONENTS],
+            last_change: None,
+            strides: Strides::new(),
+            sound: None,
+            probed: None,
+            spent: Spent::default(),
+            spent_settling: 0,
+        }
+    }
+
     /// Row 0 and all segments.
     fn follow_path(
         &mut self,
@@ -196,6 +204,7 @@ impl<S: SolverFor> Run<S> {
             self.last_change = None;
             self.strides = Strides::new();
             for _ in 0..segment.repeat {
+                self.probed = None;
                 if std::mem::replace(&mut has_borne, true) {
                     self.stress_level = raised_level(self.stress_level, &flat(&self.stress));
                 }
@@ -212,36 +221,28 @@ impl<S: SolverFor> Run<S> {
         test: &ElementTest,
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>, RveError> {
-        let answer = self.cell.observe(Observables::ALL)?;
-        let network = self.cell.committed_network()?;
+        let answer = self.cell.observed()?;
+        let network = self.cell.network_at_rest()?;
         self.work = PathWork::new(self.deformation, tensor_of(&answer.stress.0), network.volume());
         self.network = Some(network);
-        let operator = (self.tangent != TangentKind::None).then(|| {
-            // Nothing moves in a zero increment; it is dropped, so that the first step starts as without an operator.
-            self.cell.stay(&TrialOptions::default()).expect("a packing as given has finite forces");
-            let operator = self.operator();
-            self.cell.rollback();
-            operator.expect("one was requested")
-        });
-        self.is_far_from_rest = self.cell.is_far_from_rest(&answer);
-        let mut row = ElementRow::new(0, S::DIMENSION as u32, self.deformation, &answer, operator);
-        row.damping_work = Some(0.0);
+        let is_wanted = self.tangent != TangentKind::None;
+        let operator = is_wanted.then(|| self.cell.operator_as_given(self.tangent)).flatten();
+        self.is_far_from_rest = self.cell.begins_far_from_rest(&answer);
+        let mut row = ElementRow::new(0, dimension::<C>(), self.deformation, &answer, operator);
+        row.damping_work = C::COUNTS_DAMPING.then_some(0.0);
         self.summary.far_from_targets = u64::from(is_far_from_targets(test, &row.stress));
         Ok(self.deliver(row, on_row))
     }
 
     /// Brings the packing to rest under the law, where it is; row 0 remains the packing as given.
     fn settle(&mut self) -> Result<(), ElementError> {
-        let answer = self
-            .cell
-            .settle(&TrialOptions { observables: Observables::ALL, ..TrialOptions::default() })
-            .map_err(|reason| ElementError::Cell { increment: 0, reason })?;
+        let answer = self.cell.come_to_rest().map_err(|reason| ElementError::Cell { increment: 0, reason })?;
         self.spent_settling = answer.cost.force_evaluations;
         self.summary.settled = 1;
         self.summary.not_equilibrated += u64::from(answer.flags.contains(TrialFlags::NOT_EQUILIBRATED));
         self.summary.damping_changed += u64::from(answer.flags.contains(TrialFlags::DAMPING_CHANGED));
         self.keep_network();
-        let energies = self.cell.trial_energies();
+        let energies = self.cell.energies_of_trial();
         self.cell.commit().expect("the cell has just settled");
         self.stress = tensor_of(&answer.stress.0);
         self.work.advance(self.deformation, self.stress, energies);
@@ -293,6 +294,7 @@ impl<S: SolverFor> Run<S> {
                     {
                         self.cell.rollback();
                         self.last_change = None;
+                        self.forget_followed();
                         self.strides.halve();
                         continue;
                     }
@@ -317,7 +319,7 @@ impl<S: SolverFor> Run<S> {
             self.summary.stress_jumps += u64::from(self.spent.has_jumped);
             // The row tells of its last state.
             let is_told = accepted.answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
-            self.summary.not_equilibrated += u64::from(self.spent.is_restless && !is_told);
+            self.summary.not_equilibrated += u64::from(self.spent.restless > 0 && !is_told);
             if self.spent.relaxed > 0 {
                 self.summary.relaxed_increments += 1;
                 control = control.max(StressControl::Relaxed);
@@ -334,17 +336,13 @@ impl<S: SolverFor> Run<S> {
 
     /// Makes the accepted trial the committed state.
     fn take_up(&mut self, kinematics: &SegmentKinematics, accepted: &Accepted, committed_gradient: &mut Matrix) {
-        let energies = self.cell.trial_energies();
+        let energies = self.cell.energies_of_trial();
         self.cell.commit().expect("the accepted trial is the latest");
         self.last_change =
             (!accepted.control.has_snapped()).then(|| add_scaled(&accepted.gradient, -1.0, committed_gradient));
         *committed_gradient = accepted.gradient;
         self.deformation = kinematics.deformation(&accepted.gradient);
         self.stress = tensor_of(&accepted.answer.stress.0);
-        if self.summary.begins_with_motion == 1 && self.stress_level == 0.0 {
-            // The first stress at rest of a packing that began far from it.
-            self.stress_level = raised_level(0.0, &flat(&self.stress));
-        }
         self.work.advance(self.deformation, self.stress, energies);
     }
 
@@ -355,13 +353,17 @@ impl<S: SolverFor> Run<S> {
         operator: Option<tangent::TangentOutcome>,
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
+        if self.summary.begins_with_motion == 1 && self.stress_level == 0.0 {
+            // The first stress that was asked of a packing that began far from rest; strides on the way to it are none.
+            self.stress_level = raised_level(0.0, &flat(&self.stress));
+        }
         let mut row =
-            ElementRow::new(self.summary.rows, S::DIMENSION as u32, self.deformation, &accepted.answer, operator);
+            ElementRow::new(self.summary.rows, dimension::<C>(), self.deformation, &accepted.answer, operator);
         row.trials = self.spent.trials;
         row.dem_steps = self.spent.dem_steps;
         row.stress_control = control;
         let [work, damping] = self.work.over_present_volume();
-        (row.work, row.damping_work) = (work, Some(damping));
+        (row.work, row.damping_work) = (work, C::COUNTS_DAMPING.then_some(damping));
         self.deliver(row, on_row)
     }
 
@@ -372,17 +374,16 @@ impl<S: SolverFor> Run<S> {
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         self.stress = row.stress;
-        let network = self.cell.committed_network().expect("an accepted state is finite");
+        let network = self.cell.network_at_rest().expect("an accepted state is finite");
         row.force_anisotropy = Some(network.force_anisotropy());
-        row.picture =
-            self.pictures.contains(&row.increment).then(|| CellPicture::new(&network, self.cell.committed()));
+        row.picture = self.pictures.contains(&row.increment).then(|| self.cell.picture_of(&network));
         if self.fluctuations_from == Some(row.increment) {
-            self.reference = Some((self.cell.committed().clone(), self.deformation));
+            self.reference = Some((self.cell.grains().clone(), self.deformation));
         }
         if let (Some(_), Some((start, deformation))) = (&row.picture, &self.reference) {
             let since = product(&self.deformation, &inverse(deformation));
-            let about = S::Tensor::from_fn(|i, j| since[i][j]);
-            row.fluctuations = Some(displacement_fluctuations(start, self.cell.committed(), &about));
+            let about = <C::Grains as Space>::Tensor::from_fn(|i, j| since[i][j]);
+            row.fluctuations = Some(displacement_fluctuations(start, self.cell.grains(), &about));
         }
         self.summary.note(&row);
         on_row(&row)
@@ -390,11 +391,12 @@ impl<S: SolverFor> Run<S> {
 
     /// The operator requested, of the present trial.
     fn operator(&mut self) -> Option<tangent::TangentOutcome> {
-        if self.tangent == TangentKind::None {
-            return None;
-        }
-        let perturbed = self.cell.operator(self.tangent).expect("there is a trial");
+        let perturbed = self.cell.requested_operator(self.tangent)?;
         self.summary.operator_steps += perturbed.force_evaluations;
         Some(perturbed.outcome)
     }
+}
+
+fn dimension<C: TestedCell>() -> u32 {
+    C::Grains::DIMENSION as u32
 }

@@ -114,6 +114,17 @@ impl Servo {
         tensor_of(&values)
     }
 
+    /// The derivative as the trials have left it, `d sigma / dG` of the controlled components; zero elsewhere.
+    pub(super) fn derivative(&self) -> Operator {
+        let mut operator = [[0.0; COMPONENTS]; COMPONENTS];
+        for (row, &stress) in self.unknowns.iter().enumerate() {
+            for (column, &strain) in self.unknowns.iter().enumerate() {
+                operator[stress][strain] = self.derivative[(row, column)];
+            }
+        }
+        operator
+    }
+
     fn interval(&self) -> Option<[f64; 2]> {
         Some([self.bracket[0]?.0, self.bracket[1]?.0])
     }

@@ -145,7 +145,7 @@ mod tests {
         ];
         assert!(told.len() == 1 && expected.iter().all(|part| told[0].contains(part)), "{told:?}");
         assert_eq!(summary.far_from_targets, 1);
-        assert!(summary.fallbacks().iter().any(|(what, rows)| what.contains("more than tenfold") && *rows == 1));
+        assert!(summary.warnings().iter().any(|(what, rows)| what.contains("more than tenfold") && *rows == 1));
         let (told, _, summary) = begun(1e8, 1.3, "strain = { yy = -0.01 }");
         assert!(told.len() == 1 && told[0].contains("void ratio of the packing is -0."), "{told:?}");
         assert_eq!((summary.far_from_targets, summary.negative_void_ratio), (0, 1));

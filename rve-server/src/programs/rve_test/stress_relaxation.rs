@@ -18,7 +18,7 @@ pub(super) const MOST_RELAXED: u32 = 600;
 pub(super) const STEPS_BEFORE_NEAREST: u32 = 100;
 
 /// Largest difference between a controlled stress and its target that is accepted where the cell snaps across the
-/// target, relative to the mean pressure.
+/// target, relative to the scale of the stress tolerance: the mean pressure, or the largest target if that is greater.
 pub(super) const LARGEST_JUMP: f64 = 0.05;
 
 /// Largest change of a strain component in one step, dimensionless.

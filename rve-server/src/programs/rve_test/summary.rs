@@ -2,7 +2,6 @@
 
 use super::error::ElementError;
 use super::row::ElementRow;
-use super::stress_control::StressControl;
 use crate::engine::ListedForces;
 use protocol::TrialFlags;
 
@@ -36,7 +35,7 @@ pub struct ElementSummary {
     pub tangent_fallbacks: u64,
     /// Rows whose operator needed mechanisms to be held.
     pub tangent_regularised: u64,
-    /// Packings that were far from equilibrium under the law, and were brought to rest before the first increment: 0 or 1.
+    /// Packings, or frames cut out of them, that were far from equilibrium under the law, and were brought to rest before the first increment: 0 or 1.
     pub settled: u64,
     /// The same where the first increment controls a stress: it begins with the motion of the grains.
     pub begins_with_motion: u64,
@@ -65,14 +64,6 @@ impl ElementSummary {
         }
     }
 
-    /// Counts a row by all that it says.
-    pub(super) fn add(&mut self, row: &ElementRow) {
-        self.note(row);
-        self.stress_jumps += u64::from(row.stress_control == StressControl::Jump);
-        self.cut_increments += u64::from(row.stress_control == StressControl::Cut);
-        self.relaxed_increments += u64::from(row.stress_control == StressControl::Relaxed);
-    }
-
     /// All counts by the names that scripts know them by.
     pub fn counts(&self) -> [(&'static str, u64); 18] {
         [
@@ -97,40 +88,53 @@ impl ElementSummary {
         ]
     }
 
-    /// What rows fell short of or took a shortcut by, in words, with the number of rows; those without any are left out.
-    pub fn fallbacks(&self) -> Vec<(&'static str, u64)> {
-        let all = [
+    /// What makes rows less accurate than they were asked for, or the test another one, in words, with the number of rows; those without any
+    /// are left out.
+    pub fn warnings(&self) -> Vec<(&'static str, u64)> {
+        with_any([
             (
                 "stress of the packing and the first stresses of the path differ more than tenfold (units, thickness, modulus?)",
                 self.far_from_targets,
             ),
             ("void ratio below zero", self.negative_void_ratio),
-            ("packing not at rest under this contact law, brought to rest before the first increment", self.settled),
             (
-                "packing not at rest under this contact law, the first increment begins with its motion",
+                "packing, or the frame cut out of it, not at rest under this contact law, brought to rest before the first increment",
+                self.settled,
+            ),
+            (
+                "packing, or the frame cut out of it, not at rest under this contact law, the first increment begins with its motion",
                 self.begins_with_motion,
             ),
             ("not equilibrated", self.not_equilibrated),
             (
-                "controlled stress not met: an instability of the cell or frame, or a stress_tolerance below what the tolerance of the grains allows",
+                "controlled stress missed (a sudden rearrangement, or a stress_tolerance below what the tolerance of the grains allows)",
                 self.stress_jumps,
             ),
             (
-                "controlled stress relaxed in committed steps where the search for it failed: a snap of the cell or frame, or a stress_tolerance below what the tolerance of the grains allows",
+                "controlled stress reached by relaxation in committed steps (no strain met it: a sudden rearrangement, or the same)",
                 self.relaxed_increments,
             ),
             ("no load-bearing contacts", self.no_load_bearing_contacts),
-            ("relaxed with another damping", self.damping_changed),
-            ("increments cut for the stress control", self.cut_increments),
             ("overlap above 10 %", self.large_overlap),
             (
                 "operator replaced by truss_like, or by the uniform-strain one where that is singular",
                 self.tangent_fallbacks,
             ),
             ("operator with constrained mechanisms", self.tangent_regularised),
-        ];
-        all.into_iter().filter(|(_, rows)| *rows > 0).collect()
+        ])
     }
+
+    /// Detours by which rows met the same tolerances, in words, with the number of rows; those without any are left out.
+    pub fn fallbacks(&self) -> Vec<(&'static str, u64)> {
+        with_any([
+            ("relaxed with another damping", self.damping_changed),
+            ("increments taken in shorter parts for the stress control", self.cut_increments),
+        ])
+    }
+}
+
+fn with_any<const N: usize>(counts: [(&'static str, u64); N]) -> Vec<(&'static str, u64)> {
+    counts.into_iter().filter(|(_, rows)| *rows > 0).collect()
 }
 
 /// How an element test has ended.

@@ -4,7 +4,8 @@ use crate::space::{apply, inverse, product};
 
 /// `x - F x0` of every grain about the means of both, m: `F` is the linear field that fits the displacements best in the sense of least
 /// squares, since a body between walls has no cell that would give it. Positions are not wrapped into periodic sides. A rotation of the
-/// body turns the result with it. Grains that lie in a plane, or on a line, have `F = I` across it.
+/// body turns the result with it. Grains that lie in a plane normal to an axis, or on a line along one, have
+/// `F = I` across it.
 pub fn less_linear_field(start: &[[f64; 3]], now: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let (from, to) = (about_the_mean(start), about_the_mean(now));
     let mut spread = [[0.0; 3]; 3];

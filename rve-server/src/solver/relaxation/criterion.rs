@@ -2,6 +2,7 @@
 
 use crate::definition::Criterion;
 use crate::solver::kernel::{StepSums, Wanted};
+use protocol::TrialResult;
 
 /// Steps in a row that the energy criterion must hold: the motion has no kinetic energy at a turning point either.
 pub(crate) const ENERGY_HITS: u32 = 10;
@@ -27,9 +28,16 @@ const ROUNDING_LOAD: f64 = 1e-9;
 /// Out-of-balance ratio from which a cell is far from rest.
 const FAR_FROM_REST: f64 = 0.05;
 
-/// Whether this out-of-balance ratio is that of a packing of another law. What a trial with this tolerance leaves is far below.
-pub(crate) fn is_far_from_rest(unbalanced: f64, tolerance: f64) -> bool {
-    unbalanced > FAR_FROM_REST.max(2.0 * tolerance)
+/// Fewest contacts per grain, each counted at both ends and rattlers left out, of a cell that can come to rest: less holds nothing together.
+const HELD_TOGETHER: f64 = 2.0;
+
+/// Whether the state that an answer with all observables describes holds together, but is far from the equilibrium that a trial with this
+/// tolerance finds.
+pub(crate) fn holds_together_far_from_rest(answer: &TrialResult, tolerance: f64) -> bool {
+    let unbalanced = answer.scalars.unbalanced_force_ratio;
+    unbalanced.is_finite()
+        && unbalanced > FAR_FROM_REST.max(2.0 * tolerance)
+        && answer.observed.coordination_number_no_rattlers >= HELD_TOGETHER
 }
 
 /// How far a cell is from rest.

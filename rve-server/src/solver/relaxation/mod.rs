@@ -32,7 +32,7 @@ use crate::error::DefinitionError;
 use crate::simd::{Lanes, Real, Tuple};
 use crate::space::{Axial, Components, KernelSpace, Space};
 pub(crate) use convergence::{Advice, ConvergenceMonitor};
-pub(crate) use criterion::{Imbalance, LEAST_LOAD, is_far_from_rest};
+pub(crate) use criterion::{Imbalance, LEAST_LOAD, holds_together_far_from_rest};
 pub(crate) use damping::descent_share;
 
 use batch::{Batch, CellInLane, Passage};
