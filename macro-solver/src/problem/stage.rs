@@ -187,8 +187,8 @@ pub struct Stabilisation {
     pub most_increments: usize,
     /// Viscosity of the first increment in terms of the first stiffness, above 0.
     pub viscosity: f64,
-    /// Iterations after which the last iterate is committed and the step goes on from it, if they do not contract as those of a smooth
-    /// material do; with 0 or `None` never.
+    /// Iterations after which the last iterate is committed and the step goes on from it, if the out-of-balance force hardly falls any more;
+    /// with 0 or `None` never.
     pub commit_iterates_after: Option<usize>,
 }
 
@@ -214,10 +214,13 @@ struct StabilisationKeys {
     /// Viscosity of the first increment over the first stiffness. Refused where `stabilise` is false.
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0, "x-procedures" = "implicit"))]
     stabilise_viscosity: f64,
-    /// Iterations after which the last iterate is committed and the step goes on from it (path-dependent iteration), if they do not
-    /// contract as those of a smooth material do; 0: every iterate begins at the last accepted state. Counted as
-    /// `fallbacks.steps_with_committed_iterates`. Refused where `stabilise` is false.
-    #[schemars(extend("x-default" = "3 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
+    /// Iterations after which the last iterate is committed and the step goes on from it (path-dependent iteration), if the out-of-balance
+    /// force is not halved in two iterations, or an iteration leaves more than four fifths of it; 0: every iterate begins at the last accepted
+    /// state. Counted as `fallbacks.steps_with_committed_iterates`. Refused where `stabilise` is false.
+    #[schemars(extend(
+        "x-default" = "where supports move and all loads are constant 3, or 5 if the tangents leave out that contacts slide; else 0",
+        "x-procedures" = "implicit"
+    ))]
     commit_iterates_after: Option<usize>,
 }
 
@@ -267,6 +270,13 @@ impl Stabilisation {
     /// softens as a whole takes more increments than a snap does. Chosen in docs/lab-book/strategies.md.
     pub const UNDER_MOVING_SUPPORTS: Self =
         Self { after: Some(1), most_increments: 300, viscosity: 0.1, commit_iterates_after: Some(3) };
+
+    /// The same for a strategy. Iterations with tangents that leave out that contacts slide contract more slowly, also while the material is
+    /// smooth: they may take more of them before an iterate is committed.
+    pub fn under_moving_supports(strategy: &Strategy) -> Self {
+        let commit_iterates_after = if strategy.follows_sliding_contacts() { 3 } else { 5 };
+        Self { commit_iterates_after: Some(commit_iterates_after), ..Self::UNDER_MOVING_SUPPORTS }
+    }
 }
 
 impl Default for Stabilisation {

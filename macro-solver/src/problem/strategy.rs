@@ -118,3 +118,19 @@ pub struct Strategy {
     #[schemars(with = "f64", extend("x-unit" = "-", "x-procedures" = "implicit"), range(min = 0.0, max = 1e-3))]
     pub target_grid: Option<f64>,
 }
+
+impl Strategy {
+    /// Whether the tangents know which contacts slide, without which they are too stiff.
+    pub(crate) fn follows_sliding_contacts(&self) -> bool {
+        let knows = matches!(
+            self.tangent,
+            TangentKind::TrussLikeSlip
+                | TangentKind::TrussLikeSlipAtRest
+                | TangentKind::TrussLikeReleased
+                | TangentKind::TrussLikeReleasedAtRest
+                | TangentKind::Consistent
+                | TangentKind::ConsistentCentral
+        );
+        knows && self.quasi_newton.is_none()
+    }
+}

@@ -6,7 +6,7 @@ use crate::observer::BalanceError;
 use nalgebra::Matrix3;
 
 impl Solver<'_> {
-    /// Error of the committed stresses whose next correction of the displacements would be `correction`, by the tangents of the last
+    /// Error of the committed total stresses, those of grains and pore fluid together, whose next correction of the displacements would be `correction`, by the tangents of the last
     /// evaluation; `None` before the body has been under stress. Costs no evaluation.
     pub(super) fn balance_error(&mut self, correction: &[f64]) -> Option<BalanceError> {
         let points = self.points.all();
@@ -15,8 +15,7 @@ impl Solver<'_> {
         let largest = &mut self.statistics.largest_pressure;
         *largest = largest.max(levels.sum::<f64>() / points.len() as f64);
         let gradients = self.body.gradients(correction);
-        // Of the grains: what pore fluid adds is no stress of theirs.
-        let changes = self.points.stress_changes(&gradients);
+        let changes = self.points.total_stress_changes(&gradients);
         (*largest > 0.0).then(|| relative(&changes, *largest))
     }
 }

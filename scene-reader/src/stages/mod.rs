@@ -188,7 +188,7 @@ fn stabilise_soon(stage: &mut Stage) {
     if stage.is_driven_by_supports()
         && let Some(settings) = &mut stage.control.stabilisation
     {
-        let default = Stabilisation::UNDER_MOVING_SUPPORTS;
+        let default = Stabilisation::under_moving_supports(&stage.strategy);
         settings.after = settings.after.or(default.after);
         settings.commit_iterates_after = settings.commit_iterates_after.or(default.commit_iterates_after);
     }

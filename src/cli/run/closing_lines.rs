@@ -42,8 +42,8 @@ fn accuracy(accuracy: &AccuracySummary) -> String {
         steps => format!(" {steps} step(s) before the end, where the last followed cell lost its load"),
     };
     format!(
-        "estimated error {} of the pressure at a point, {} of the mean stress{until}{wanted}; {strain}; {points} solved once more, {} \
-         of the work",
+        "estimated error {} of the pressure at a point, {} of the mean stress{until}{wanted}; {strain}; {points} solved once more, which \
+         adds {} to the work",
         percent(accuracy.estimated_error),
         percent(accuracy.estimated_error_of_mean),
         percent(accuracy.share_of_force_evaluations),

@@ -97,7 +97,7 @@ impl Points {
     }
 
     /// Changes of the grains' stresses for changes of all displacement gradients, Pa, by the latest moduli.
-    pub(crate) fn stress_changes(&self, gradients: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
+    fn stress_changes(&self, gradients: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
         let Some(coupling) = self.coupling() else {
             let change =
                 |(point, gradient): (&Point, &Matrix3<f64>)| from_column(&(point.response.moduli * column(gradient)));
@@ -116,6 +116,15 @@ impl Points {
             from_column(&change)
         };
         averaged.iter().enumerate().map(change).collect()
+    }
+
+    /// The same with what pore fluid adds, whose stiffness may be many times that of the grains.
+    pub(crate) fn total_stress_changes(&self, gradients: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
+        let mut changes = self.stress_changes(gradients);
+        for ((change, point), gradient) in changes.iter_mut().zip(&self.points).zip(gradients) {
+            *change += point.fluid_stress_change(gradient);
+        }
+        changes
     }
 }
 

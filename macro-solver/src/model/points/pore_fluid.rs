@@ -48,6 +48,12 @@ impl Point {
         }
     }
 
+    /// What the fluid adds to the stress for a small change of the displacement gradient, Pa.
+    pub(super) fn fluid_stress_change(&self, gradient: &Matrix3<f64>) -> Matrix3<f64> {
+        let bulk_modulus = self.fluid.map_or(0.0, |fluid| fluid.bulk_modulus);
+        Matrix3::from_diagonal_element(bulk_modulus * gradient.trace())
+    }
+
     /// Total stress and moduli of the latest evaluation: those of grains and fluid together.
     pub(crate) fn total(&self, formulation: Formulation) -> Response {
         self.with_fluid(formulation, self.response.clone())

@@ -36,11 +36,36 @@ pub(in crate::solve) struct Globalisation {
     lowered_cap: f64,
     least: [f64; 2],
     idle: usize,
-    /// Distance from convergence, as multiple of the tolerances, when it was last halved.
+    /// Distances from convergence, as multiples of the tolerances.
+    distances: Pace,
+    /// Out-of-balance forces.
+    forces: Pace,
+}
+
+/// How fast a measure falls from iterate to iterate.
+#[derive(Clone, Copy, Debug)]
+struct Pace {
+    /// Its value when it was last halved.
     halved: f64,
     crawling: usize,
-    /// Distance from convergence of the last accepted iterate.
-    distance: f64,
+    /// Of the last accepted iterate.
+    last: f64,
+}
+
+impl Pace {
+    const NONE: Self = Self { halved: f64::INFINITY, crawling: 0, last: f64::INFINITY };
+
+    /// Takes the measure of an accepted iterate and returns whether it falls so slowly that further iterations are not worth their cost.
+    fn crawls(&mut self, value: f64) -> bool {
+        if value <= 0.5 * self.halved {
+            self.halved = value;
+            self.crawling = 0;
+        } else {
+            self.crawling += 1;
+        }
+        let before = std::mem::replace(&mut self.last, value);
+        self.crawling >= LONGEST_CRAWL || value > LEAST_GAIN * before
+    }
 }
 
 /// The last accepted iterate.
@@ -61,9 +86,8 @@ impl Globalisation {
             lowered_cap,
             least: [f64::INFINITY; 2],
             idle: 0,
-            halved: f64::INFINITY,
-            crawling: 0,
-            distance: f64::INFINITY,
+            distances: Pace::NONE,
+            forces: Pace::NONE,
         }
     }
 
@@ -109,15 +133,12 @@ impl Globalisation {
     /// Takes an accepted iterate's criteria, each over its tolerance, and returns whether the iterations crawl: at this rate the
     /// tolerances are not worth reaching, or cannot be reached.
     pub(in crate::solve) fn crawls(&mut self, criteria: [f64; 2]) -> bool {
-        let distance = criteria[0].max(criteria[1]);
-        if distance <= 0.5 * self.halved {
-            self.halved = distance;
-            self.crawling = 0;
-        } else {
-            self.crawling += 1;
-        }
-        let before = std::mem::replace(&mut self.distance, distance);
-        self.crawling >= LONGEST_CRAWL || distance > LEAST_GAIN * before
+        self.distances.crawls(criteria[0].max(criteria[1]))
+    }
+
+    /// Takes an accepted iterate's out-of-balance force over reactions and loads, and returns whether it crawls.
+    pub(in crate::solve) fn forces_crawl(&mut self, force_ratio: f64) -> bool {
+        self.forces.crawls(force_ratio)
     }
 
     /// Share of a correction of size `largest` that may be applied.

@@ -176,12 +176,13 @@ impl Solver<'_> {
             let excess = tolerances.excess(&measures);
             let is_converged = excess.iter().all(|excess| *excess <= 1.0);
             let crawls = attempt.globalisation.crawls(excess);
+            let forces_crawl = attempt.globalisation.forces_crawl(measures.force);
             let may_end_here = attempt.may_end_at(&joined, excess, tolerances.stagnated().excess(&measures));
             if is_converged || (may_end_here && crawls) {
                 let convergence = if is_converged { Convergence::Full } else { Convergence::Stagnated };
                 return Ok(Attempted::Converged(attempt.converged(&measures, correction, convergence)));
             }
-            if self.is_better_committed(attempt, &measures, crawls) {
+            if self.is_better_committed(attempt, &measures, forces_crawl) {
                 return Ok(Attempted::Unfinished(Unfinished {
                     increment: attempt.iterate.clone(),
                     iterations: attempt.iterations,
@@ -204,17 +205,17 @@ impl Solver<'_> {
         Err(Failure::Attempt(format!("not converged after {max_iterations} iterations: {last}")))
     }
 
-    /// Whether the step goes on from the evaluated iterate in place of the committed state: its iterations do not contract as those of a
-    /// smooth material do, and it is not far from balance.
-    fn is_better_committed(&self, attempt: &Attempt, measures: &ConvergenceMeasures, crawls: bool) -> bool {
+    /// Whether the step goes on from the evaluated iterate in place of the committed state: after enough iterations the out-of-balance force
+    /// hardly falls any more, and the iterate is not far from balance. The size of the corrections does not tell: it grows where a
+    /// quasi-Newton update finds the body softer than its tangents, while the iterations converge.
+    fn is_better_committed(&self, attempt: &Attempt, measures: &ConvergenceMeasures, forces_crawl: bool) -> bool {
         let Some(after) = self.stage().control.stabilisation.and_then(|settings| settings.commit_iterates_after)
         else {
             return false;
         };
-        let is_slow = attempt.iterations >= after && !self.tangents.is_smooth();
-        let is_due = is_slow || (attempt.iterations > 1 && crawls);
         after > 0
-            && is_due
+            && attempt.iterations >= after
+            && forces_crawl
             && attempt.path_constraint.is_none()
             && attempt.target > self.stage_fraction
             && measures.force <= LARGEST_IMBALANCE

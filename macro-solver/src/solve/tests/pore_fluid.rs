@@ -99,3 +99,26 @@ fn small_strain_adds_the_stiffness_of_the_fluid() {
     }
     assert!(record.steps.iter().all(|step| step.iterations <= 2));
 }
+
+/// Where forces balance loosely, what is left of an error is mostly that of the pore pressure; it counts in the error that is stated.
+#[test]
+fn the_stated_error_of_the_balance_is_that_of_the_total_stress() {
+    let mut loose = problem(Formulation::SmallStrain);
+    loose.stages[1].control.increments = 1;
+    let tight = loose.clone();
+    loose.stages[1].tolerances = Tolerances::both(0.5, 1e9);
+    let mean = |problem: &Problem| {
+        let (run, record) = run(problem, &mut elastic(ElasticLaw::SmallStrain, problem));
+        assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+        let of = |point: &PointFields| point.stress.get(0, 0) - point.pore_pressure.unwrap();
+        let lateral = record.points.iter().map(of).sum::<f64>() / record.points.len() as f64;
+        let balance = record.steps.last().unwrap().accuracy.balance.unwrap();
+        (lateral, balance, run.statistics.largest_pressure)
+    };
+    let ((exact, ..), (found, balance, pressure)) = (mean(&tight), mean(&loose));
+    let error = (found - exact).abs() / pressure;
+    assert!(error > 1e-3, "the balance is loose: {error}");
+    // Stated of the mean tensor, whose three direct components share the pressure of the fluid.
+    let stated = balance.of_mean / 3.0_f64.sqrt();
+    assert!((0.7..1.4).contains(&(stated / error)), "{stated} stated, {error} found");
+}
