@@ -43,7 +43,7 @@ pub struct Failure {
     pub message: String,
 }
 
-/// Tells people about old names of keys in an input file.
+/// Tells people about old names and doubtful numbers in an input file.
 pub(crate) fn warn(document: &scene_reader::Document) {
     document.warnings().iter().for_each(|warning| tell(format_args!("warning: {warning}")));
 }

@@ -5,6 +5,7 @@
 //! blanks as the file and the earlier overrides are long, so every byte offset belongs to exactly one source.
 
 mod as_run;
+mod friction;
 mod kind;
 mod overrides;
 pub(crate) mod renamed;
@@ -90,6 +91,10 @@ impl Document {
         }
         document.warn(&mut root);
         document.refuse_non_finite("", &root)?;
+        for (span, remark) in friction::remarks(&root) {
+            let (place, _) = document.place(&span);
+            document.warnings.push(format!("{place}: {remark}"));
+        }
         document.root = root;
         Ok(document)
     }
@@ -111,7 +116,7 @@ impl Document {
         self.parse(&self.text).map(|root| sizes::names(&root)).unwrap_or_default()
     }
 
-    /// Old names that were read as their present ones, each with its place: for people.
+    /// Old names that were read as their present ones, and numbers that are probably not what was meant, each with its place: for people.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

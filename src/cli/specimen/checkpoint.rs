@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const SECTION: &str = "specimen";
 
 /// Counts changes of [`Kept`] and of the state that it holds.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 
 /// What a checkpoint holds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

@@ -163,7 +163,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             if !arguments.quiet {
                 tell(closing(&summary));
             }
-            Ok(if summary.unbalanced_stages > 0 { Exit::NotConverged } else { Exit::Done })
+            if summary.unbalanced_stages > 0 {
+                let (path, count) = (arguments.test.display(), summary.unbalanced_stages);
+                let stages = if count == 1 { "1 stage".to_owned() } else { format!("{count} stages") };
+                let text = format!(
+                    "{path}: {stages} ended at `steps` before `until_balance` was met; later stages went on from there"
+                );
+                let hint = "\nhint: give more `steps`, or a larger `until_balance`";
+                return Err(Failure::new(Exit::NotConverged, format!("{text}{hint}")));
+            }
+            Ok(Exit::Done)
         }
         Err(SpecimenError::Test(reason)) => Err(document.table_error(reason).into()),
         Err(SpecimenError::Packing(reason)) => Err(document.error_at_key(&["packing"], reason).into()),
@@ -336,6 +345,14 @@ fn closing(summary: &SpecimenSummary) -> String {
              a stage slower",
             rows_in_words(summary.unbalanced_rows),
             summary.largest_unbalanced
+        ));
+    }
+    if summary.shear_misses > 0 {
+        warnings.push(format!(
+            "opposite walls bear different shear forces in {}, by {:.1} % of the normal force at most: the motion is too fast for the local \
+             damping; more `steps`, or a smaller `motion.local_damping`",
+            rows_in_words(summary.shear_misses),
+            100.0 * summary.largest_shear_difference
         ));
     }
     if summary.energy_misses > 0 {

@@ -11,9 +11,6 @@ use scene_reader::Scene;
 /// Largest over smallest radius above which a packing is likely to mix units.
 const WIDEST_GRADING: f64 = 1e3;
 
-/// Coefficient of friction, of 72 degrees, above which an angle was probably given.
-const LARGEST_FRICTION: f64 = 3.0;
-
 /// A packing as given, before any grain has moved.
 #[derive(Clone, Debug)]
 pub(crate) struct PackingState {
@@ -29,8 +26,6 @@ pub(crate) struct PackingState {
     pub(crate) listed_forces: ListedForces,
     /// Largest over smallest radius.
     pub(crate) radius_ratio: f64,
-    /// Coefficient of friction of the contact law.
-    pub(crate) friction: f64,
     /// Whether it holds together and is far from equilibrium under the contact law.
     pub(crate) is_far_from_rest: bool,
 }
@@ -73,7 +68,6 @@ impl PackingState {
             coordination_no_rattlers: answer.observed.coordination_number_no_rattlers,
             listed_forces: cell.listed_forces(),
             radius_ratio: largest / smallest,
-            friction: definition.contact.friction,
             is_far_from_rest: cell.is_far_from_rest(&answer),
         })
     }
@@ -135,12 +129,6 @@ impl PackingState {
                 "grains overlap by {:.2} of a diameter: wrong units, a modulus that is too small, or another contact law than the \
                  packing was made with",
                 self.scalars.max_overlap_ratio
-            ));
-        }
-        if self.friction > LARGEST_FRICTION {
-            remarks.push(format!(
-                "contact.friction = {} is the coefficient of friction, the tangent of the angle, not the angle",
-                self.friction
             ));
         }
         if self.radius_ratio > WIDEST_GRADING {

@@ -33,11 +33,14 @@ pub enum ElementError {
     /// The prescribed stress asks for more deformation than a trial can have.
     #[error(
         "increment {increment}: the cell hardly resists on the way to its target stress, which its grains cannot carry or which lies too far \
-         away; use more increments, or prescribe the strain where the packing softens"
+         away for one trial ({}); use more increments, or prescribe the strain where the packing softens",
+        largest_trial(reason)
     )]
     StressOutOfReach {
         /// Row that was being computed.
         increment: u64,
+        /// Why the cell refused the first trial.
+        reason: RveError,
     },
     /// The prescribed stress was not reached.
     #[error(
@@ -60,6 +63,14 @@ pub enum ElementError {
         /// What to do.
         remedy: &'static str,
     },
+}
+
+/// How far a trial may go, by why one was refused.
+fn largest_trial(refused: &RveError) -> String {
+    match refused {
+        RveError::TargetTooLarge { limit, .. } => format!("`rve.largest_target` is {limit:.1e}"),
+        _ => "it would turn the cell inside out".to_owned(),
+    }
 }
 
 /// Remedy of a stress that was not reached by a cell that bears load.

@@ -109,7 +109,7 @@ impl<C: TestedCell> Run<C> {
                 // The search has left the range of one trial: the target lies beyond what the cell can carry.
                 Err(ElementError::Cell { increment, reason }) if is_out_of_range(&reason) => {
                     if closest.is_none() {
-                        return Err(ElementError::StressOutOfReach { increment });
+                        return Err(ElementError::StressOutOfReach { increment, reason });
                     }
                     break;
                 }

@@ -106,6 +106,11 @@ fn run_on<C: TestedCell>(
         Ok(cell) => {
             let mut run = Run::new(cell, test, requests);
             let result = run.follow_path(test, on_row);
+            if result.is_err() {
+                // Those of the row that was not reached.
+                run.summary.trials += u64::from(run.spent.trials);
+                run.summary.dem_steps += run.spent.dem_steps;
+            }
             ElementEnd { summary: run.summary, result }
         }
         Err(error) => error.into(),
@@ -172,7 +177,7 @@ impl<C: TestedCell> Run<C> {
             network: None,
             missed: [None; COMPONENTS],
             last_change: None,
-            strides: Strides::new(),
+            strides: Strides::of(0.0),
             sound: None,
             probed: None,
             spent: Spent::default(),
@@ -202,7 +207,7 @@ impl<C: TestedCell> Run<C> {
         let mut has_borne = self.summary.begins_with_motion == 0;
         for segment in &test.path {
             self.last_change = None;
-            self.strides = Strides::new();
+            self.strides = Strides::of(if strains_only(segment) { 0.0 } else { strain_of_an_increment(segment) });
             for _ in 0..segment.repeat {
                 self.probed = None;
                 if std::mem::replace(&mut has_borne, true) {
@@ -395,6 +400,12 @@ impl<C: TestedCell> Run<C> {
         self.summary.operator_steps += perturbed.force_evaluations;
         Some(perturbed.outcome)
     }
+}
+
+/// Largest component of the prescribed strain of an increment.
+fn strain_of_an_increment(segment: &Segment) -> f64 {
+    let largest = segment.strain.values().into_iter().flatten().map(f64::abs).fold(0.0, f64::max);
+    largest / f64::from(segment.increments)
 }
 
 fn dimension<C: TestedCell>() -> u32 {

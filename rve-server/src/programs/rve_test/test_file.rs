@@ -113,6 +113,9 @@ fn once() -> u32 {
     1
 }
 
+/// Share of the mean pressure from which on nothing controls a stress any more.
+const LARGEST_STRESS_TOLERANCE: f64 = 0.1;
+
 fn default_stress_tolerance() -> f64 {
     1e-3
 }
@@ -142,8 +145,11 @@ impl ElementTest {
         if self.rve.frame.is_some() {
             return refuse("rve.frame is a key of scenes; an RVE test has the table [frame]".into());
         }
-        if !(self.stress_tolerance > 0.0 && self.stress_tolerance.is_finite()) {
-            return refuse(format!("stress_tolerance = {} must be a positive number", self.stress_tolerance));
+        if !(self.stress_tolerance > 0.0 && self.stress_tolerance <= LARGEST_STRESS_TOLERANCE) {
+            return refuse(format!(
+                "stress_tolerance = {} must be above 0 and at most {LARGEST_STRESS_TOLERANCE} of the mean pressure: with more a stress is not controlled",
+                self.stress_tolerance
+            ));
         }
         if self.path.is_empty() {
             return refuse("path is empty: add at least one [[path]] segment".into());

@@ -71,6 +71,7 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
             &mut summary.energy_misses,
             &mut summary.overlap_misses,
             &mut summary.unbalanced_rows,
+            &mut summary.shear_misses,
         ] {
             stream.count(count);
         }
@@ -80,6 +81,7 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
             &mut summary.largest_turnover,
             &mut summary.largest_overlap,
             &mut summary.largest_unbalanced,
+            &mut summary.largest_shear_difference,
         ] {
             stream.number(number);
         }

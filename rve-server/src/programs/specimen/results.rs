@@ -94,6 +94,10 @@ pub struct SpecimenSummary {
     pub unbalanced_rows: u64,
     /// The largest such share in any of these stages' rows.
     pub largest_unbalanced: f64,
+    /// Rows of the same stages in which the shear forces of opposite walls differ by more than 2 % of the normal ones.
+    pub shear_misses: u64,
+    /// The largest such difference, over the normal force.
+    pub largest_shear_difference: f64,
     /// Rows that miss more than 1 % of the energy turned over.
     pub energy_misses: u64,
     /// Largest share of the energy turned over that was missing, or too much, at any check.

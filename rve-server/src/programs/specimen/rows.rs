@@ -78,6 +78,16 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
         }
     }
 
+    /// Difference of what both walls bear along a shear, over what they bear across it: what damping and inertia of the grains between them take;
+    /// 0 where the axis is periodic.
+    pub(super) fn shear_difference(&self, sheared: Sheared) -> f64 {
+        let Some(pair) = self.walls[sheared.side] else { return 0.0 };
+        let [low, high] = pair.map(|wall| &self.dynamics.walls[wall]);
+        let normal = 0.5 * (low.normal_force() + high.normal_force()).abs();
+        let left = (low.force.as_ref()[sheared.along] + high.force.as_ref()[sheared.along]).abs();
+        if normal > 0.0 { left / normal } else { 0.0 }
+    }
+
     /// Largest unbalanced force over mean contact force; 0 where no contact bears anything.
     pub(super) fn unbalanced(&self) -> f64 {
         let contacts = &self.dynamics.contacts;

@@ -42,6 +42,10 @@ const SERVO_COUNTED: f64 = 0.01;
 /// of fifteen at 5e-7 per step, in every row at six times that.
 const UNBALANCED_COUNTED: f64 = 0.1;
 
+/// Difference of the shear forces of opposite walls over their normal force, in a motion that is to be quasi-static, from which on a row is
+/// counted.
+const SHEAR_COUNTED: f64 = 0.02;
+
 /// Hears what a run does, and may end it.
 type Listener<'a> = dyn FnMut(&SpecimenEvent<'_>) -> ControlFlow<()> + 'a;
 
@@ -344,6 +348,10 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         if self.test.motion.scaled_masses {
             self.summary.unbalanced_rows += u64::from(row.unbalanced_force_ratio > UNBALANCED_COUNTED);
             self.summary.largest_unbalanced = self.summary.largest_unbalanced.max(row.unbalanced_force_ratio);
+            let differences = self.sheared.iter().map(|sheared| self.shear_difference(*sheared));
+            let difference = differences.fold(0.0, f64::max);
+            self.summary.shear_misses += u64::from(difference > SHEAR_COUNTED);
+            self.summary.largest_shear_difference = self.summary.largest_shear_difference.max(difference);
         }
         let error = self.servo_error(stage);
         self.summary.largest_servo_error = self.summary.largest_servo_error.max(error);
@@ -420,8 +428,19 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             normal_force: self.dynamics.contacts.normal_force,
             largest_force: self.last.largest_force,
             kinetic_energy: self.last.kinetic_energy,
+            weight: self.mean_weight(),
             turnover: self.dynamics.energy_turnover(),
         }
+    }
+
+    /// Mean weight of a grain, N.
+    fn mean_weight(&self) -> f64 {
+        let gravity = self.dynamics.motion.gravity.iter().map(|part| part * part).sum::<f64>().sqrt();
+        if gravity == 0.0 {
+            return 0.0;
+        }
+        let grains = self.dynamics.body.grains.len();
+        gravity * (0..grains).map(|grain| self.dynamics.body.mass(grain)).sum::<f64>() / grains.max(1) as f64
     }
 
     /// Rate of the period of an axis, m/s, in the homogeneous strain of the stage: strains along the periodic axes and shears across them

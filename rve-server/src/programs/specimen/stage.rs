@@ -181,7 +181,8 @@ impl Stage {
             }
             if stress.is_some_and(|value| !(value.is_finite() && value < 0.0)) {
                 return Err(DefinitionError(format!(
-                    "stress.{name} must be compressive (negative): grains bear no tension"
+                    "stress.{name} must be compressive (negative): grains bear no tension; for a free surface give strain.{name} instead, which \
+                     lifts the wall off the grains"
                 )));
             }
         }

@@ -66,7 +66,9 @@ pub struct MotionTable {
     /// Acceleration of gravity, m/s2, one number per axis; none if empty.
     #[schemars(extend("x-unit" = "m/s2"))]
     pub gravity: Vec<f64>,
-    /// Coefficient of local damping; 0 for none.
+    /// Coefficient of local damping; 0 for none. It takes this share of every force that does work on a grain: grains fall with the rest of
+    /// gravity, and grains that walls drag along bear a part of the shear, the less the slower they move. With periodic sides it acts on the
+    /// motion relative to the mean strain.
     #[schemars(extend("x-unit" = "-"))]
     pub local_damping: f64,
     /// Share of the stability limit that a step takes.
