@@ -127,7 +127,7 @@ fn respond(site: &Arc<Site>, request: Request) {
         });
     } else {
         site.under_way.fetch_sub(1, Ordering::Relaxed);
-        write(&Answer::new(503, "text/plain", "too many answers that nobody reads are under way\n"), request);
+        write(&Answer::new(503, "text/plain", "too many long answers are under way whose readers wait\n"), request);
     }
 }
 

@@ -1,7 +1,9 @@
 //! Remarks on keys that are allowed but probably not what was meant.
 
 use macro_solver::mesh::{ElementKind, Seam, SeamKind};
-use macro_solver::problem::{Amplitude, Applied, Origin, Problem, Procedure, Stage, Tolerances};
+use macro_solver::problem::{
+    Amplitude, Applied, Axis, Condition, Origin, Platen, Problem, Procedure, Stage, Tolerances,
+};
 use std::collections::BTreeMap;
 
 /// Tolerances above this are reported.
@@ -28,6 +30,7 @@ pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
         remarks.extend(absorbing_sides_that_are_held(problem, stage));
         remarks.extend(supports_that_move_far(problem, stage));
         remarks.extend(supports_that_begin_with_a_jump(problem, stage));
+        remarks.extend(platens_along_their_side(problem, stage));
     }
     let mut told = Vec::new();
     for remark in remarks {
@@ -156,6 +159,32 @@ fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
             "{of_stage}supports move by {apart:e} m against each other, and the body is {size:e} m large: are the displacements in m?"
         )
     })
+}
+
+/// Smooth platens that move within the plane of their own side: they drag its nodes along and leave them free across it.
+fn platens_along_their_side(problem: &Problem, stage: &Stage) -> Vec<String> {
+    let remark = |applied: &Applied| {
+        let Condition::Platen { nodes, contact: Platen::Smooth, axis, displacement } = &applied.condition else {
+            return None;
+        };
+        let places = problem.nodes(nodes).ok()?;
+        let extent = |axis: Axis| {
+            let [least, most] = range(places.iter().map(|&node| problem.mesh.nodes[node][axis.index()]));
+            most - least
+        };
+        let axes = Axis::ALL.into_iter().take(problem.mesh.dimension.count());
+        let across = axes.filter(|other| other != axis).find(|other| extent(*other) == 0.0)?;
+        (*displacement != 0.0 && extent(*axis) > 0.0).then(|| {
+            format!(
+                "{}the smooth platen of '{nodes}' moves along {}, within its own side, and leaves it free along {}: it presses the body if its \
+                 displacement is along {2}; leave `platen` out if it is to drag the side",
+                beginning(problem, stage),
+                ['x', 'y', 'z'][axis.index()],
+                ['x', 'y', 'z'][across.index()]
+            )
+        })
+    };
+    stage.conditions.iter().filter_map(remark).collect()
 }
 
 /// Supports of a motion whose displacement does not begin at 0: they go all the way within the first time step.
@@ -343,6 +372,24 @@ mod tests {
         let far = moved(-0.1);
         assert!(far.len() == 1 && far[0].starts_with("supports move by 2e-1 m"), "{far:?}");
         assert_eq!(moved(0.095), Vec::<String>::new(), "the body is carried along");
+    }
+
+    #[test]
+    fn platens_that_move_within_their_side_are_told() {
+        let told = |platen: &str| {
+            let boundary =
+                format!("boundary=[{{ set = 'bottom', displacement = {{ x = 0.0, y = 0.0 }} }}, {platen}]");
+            remarks(&["tilting_platen=[]", &boundary])
+        };
+        let along = told("{ set = 'top', platen = 'smooth', displacement = { x = 1e-3 } }");
+        assert!(along.len() == 1 && along[0].contains("free along y"), "{along:?}");
+        for meant in [
+            "{ set = 'top', platen = 'smooth', displacement = { y = -1e-3 } }",
+            "{ set = 'top', platen = 'rough', displacement = { x = 1e-3 } }",
+            "{ set = 'top', displacement = { x = 1e-3 } }",
+        ] {
+            assert_eq!(told(meant), Vec::<String>::new(), "{meant}");
+        }
     }
 
     /// Dampers there did nothing but change the account of the energy.

@@ -32,7 +32,11 @@ fn plain(text: &str) -> String {
     let mut rest = text;
     while let Some((before, link)) = rest.split_once('[') {
         plain += before;
-        match link.split_once("](").and_then(|(shown, target)| Some((shown, target.split_once(')')?.1))) {
+        let parts = link.split_once(']').and_then(|(shown, behind)| {
+            let target = behind.strip_prefix('(')?;
+            Some((shown, target.split_once(')')?.1))
+        });
+        match parts {
             Some((shown, behind)) => {
                 plain += shown;
                 rest = behind;

@@ -6,7 +6,8 @@ use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
 use rve_server::definition::Packing;
 use rve_server::preparation::{
-    PackingProgress, PackingRecipe, PackingReport, Requirement, SoftGrains, generate_any, soft_grains, stiffness_hint,
+    PackingProgress, PackingRecipe, PackingReport, Requirement, SoftGrains, doubtful_lengths, generate_any,
+    soft_grains, stiffness_hint,
 };
 use scene_reader::{Document, Kind};
 use std::path::PathBuf;
@@ -44,6 +45,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     recipe.validate().map_err(|error| document.table_error(error))?;
     if let Some(SoftGrains { problem, remedy }) = soft_grains(&recipe) {
         return Err(document.error_at_key(&["contact"], problem).hint(remedy).into());
+    }
+    if let Some(remark) = doubtful_lengths(&recipe) {
+        tell(format_args!("warning: {remark}"));
     }
     expect_place(arguments.out.as_deref(), &[&arguments.recipe])?;
     let progress_line = WaitingProgress::start(arguments.quiet);

@@ -28,5 +28,5 @@ pub use recipe::{AnisotropyTarget, PackingRecipe, Removal, StateTarget};
 pub use removal::WeakenedPacking;
 pub(crate) use report::anisotropy_of_fabric;
 pub use report::{PackingReport, Requirement, Searches};
-pub use soft_grains::{SoftGrains, soft_grains, stiffness_hint};
+pub use soft_grains::{SoftGrains, doubtful_lengths, soft_grains, stiffness_hint};
 pub use stress_target::StressTarget;

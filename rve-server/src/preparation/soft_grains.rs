@@ -44,6 +44,27 @@ pub fn soft_grains(recipe: &PackingRecipe) -> Option<SoftGrains> {
     Some(SoftGrains { problem, remedy })
 }
 
+/// Mean diameter, m, above which radii were probably given in other units.
+const LARGEST_DIAMETER: f64 = 0.5;
+
+/// Thickness of a plane packing over the mean diameter below which they were too: the stress of a disc is a force over its thickness.
+const THINNEST: f64 = 0.05;
+
+/// A remark on a recipe whose lengths are probably not all in metres.
+pub fn doubtful_lengths(recipe: &PackingRecipe) -> Option<String> {
+    let diameter = mean_diameter(recipe);
+    if diameter > LARGEST_DIAMETER {
+        return Some(format!("the mean diameter of the grains is {diameter:.3e} m: are the radii in m?"));
+    }
+    let is_thin = recipe.dimension == 2 && recipe.thickness < THINNEST * diameter;
+    is_thin.then(|| {
+        format!(
+            "thickness is {:.3e} m for discs of {diameter:.3e} m; one mean diameter is usual: are radii and thickness both in m?",
+            recipe.thickness
+        )
+    })
+}
+
 /// What the stiffness of a recipe has to do with a packing that could not be made; nothing in the range that is usual.
 pub fn stiffness_hint(recipe: &PackingRecipe) -> Option<&'static str> {
     match expected_overlap(recipe)? {

@@ -100,7 +100,8 @@ pub(crate) fn remarks(packings: &[PackingState], of: impl Fn(&PackingState) -> V
 /// Remedy if loads and packing do not match, and cells are not prepared.
 const REMEDY: &str = "make the pressures those that the packing has, or start at the stress of the packing (pressures are constant from \
                       the first step on unless a history says otherwise) and apply the loads in a stage of its own (history = \"ramp\"), or prepare \
-                      another packing with `grainspan pack`; `grainspan check` compares both";
+                      another packing with `grainspan pack`; where they differ by a factor of ten and more, units, thickness or modulus are seldom those \
+                      that the packing was made with; `grainspan check` compares both";
 
 /// Remedy if loads and stress at the start do not match.
 pub(crate) fn remedy(scene: &Scene) -> &'static str {

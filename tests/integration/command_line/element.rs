@@ -207,16 +207,14 @@ fn frames_under_controlled_stress_go_on_where_they_snap() {
     assert_eq!(rows.count(), 202, "{said}");
     let off = off.count();
     assert_eq!(off > 0, said.contains("controlled stress missed"), "{off} rows are off: {said}");
-    // One increment of 10 %: the search may widen the frame by 6 % at most, and the stress is met in committed steps.
+    // One increment of 10 %, which is taken in parts.
     let coarse = ["--set", "path.1.increments=1"];
     let ran = succeeded(&[&["element", test.to_str().unwrap()][..], &soft, &coarse].concat());
     let said = String::from_utf8_lossy(&ran.stderr).into_owned();
-    assert!(
-        said.contains("controlled stress reached by relaxation") || said.contains("controlled stress missed"),
-        "{said}"
-    );
     let rows = Table::read(&out);
-    // The way through the committed steps counts: work is about what was stored and lost, to the error of trapezoids over so coarse a path.
+    let missed = (rows.column("sigma_xx")[2] + 1.5e5).abs() > 1e-2 * 1.5e5;
+    assert_eq!(missed, said.contains("controlled stress missed"), "{said}");
+    // The way through the committed steps counts: work is about what was stored and lost, to the error of trapezoids over the parts.
     let [stored, lost, work] = ["elastic_energy", "frictional_dissipation", "work"].map(|name| rows.column(name));
     let taken = (stored[2] - stored[1]) + (lost[2] - lost[1]);
     let ratio = (work[2] - work[1]) / taken;

@@ -46,5 +46,5 @@ fn increments_that_are_too_large_for_a_frame_are_taken_in_parts() {
     let share = if summary.stress_jumps > 0 { 0.05 } else { 1e-3 };
     let scale = (-0.5 * (reached + rows[1].stress[1][1])).max(1e5);
     assert!((reached + 1e5).abs() <= share * scale, "{reached} Pa, {summary:?}");
-    assert!(summary.cut_increments == 1 || summary.relaxed_increments == 1, "{summary:?}");
+    assert!(rows[1].trials > 16, "one at least for each part: {summary:?}");
 }

@@ -154,7 +154,13 @@ pub(super) struct Run<C: TestedCell> {
     pub(super) spent: Spent,
     /// DEM steps in which the packing came to rest; they count with the first increment.
     spent_settling: u64,
+    /// Energies of the last row: taken by numerical damping so far and stored in the contacts, J/m3.
+    last_energies: [f64; 2],
 }
+
+/// Share of the energy stored in the contacts that numerical damping takes in an increment from which on grains have rearranged suddenly. Steady
+/// sliding leaves it some thousandths.
+const SUDDEN: f64 = 0.1;
 
 impl<C: TestedCell> Run<C> {
     /// Before row 0.
@@ -182,6 +188,7 @@ impl<C: TestedCell> Run<C> {
             probed: None,
             spent: Spent::default(),
             spent_settling: 0,
+            last_energies: [0.0; 2],
         }
     }
 
@@ -379,6 +386,11 @@ impl<C: TestedCell> Run<C> {
         on_row: &mut dyn FnMut(&ElementRow) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         self.stress = row.stress;
+        if let Some(damping) = row.damping_work {
+            let [damped, stored] = std::mem::replace(&mut self.last_energies, [damping, row.elastic_energy]);
+            let is_sudden = row.increment > 0 && damping - damped > SUDDEN * stored.max(row.elastic_energy);
+            self.summary.sudden_rearrangements += u64::from(is_sudden);
+        }
         let network = self.cell.network_at_rest().expect("an accepted state is finite");
         row.force_anisotropy = Some(network.force_anisotropy());
         row.picture = self.pictures.contains(&row.increment).then(|| self.cell.picture_of(&network));

@@ -29,6 +29,8 @@ pub struct ElementSummary {
     pub no_load_bearing_contacts: u64,
     /// Rows whose relaxation stagnated and went on with another damping and smaller steps.
     pub damping_changed: u64,
+    /// Rows in whose increments numerical damping took more than a tenth of the energy that the contacts store: grains have rearranged suddenly.
+    pub sudden_rearrangements: u64,
     /// Rows with an overlap above 10 % of a grain diameter.
     pub large_overlap: u64,
     /// Rows whose operator columns hold the uniform-strain operator because the one requested failed.
@@ -65,7 +67,7 @@ impl ElementSummary {
     }
 
     /// All counts by the names that scripts know them by.
-    pub fn counts(&self) -> [(&'static str, u64); 18] {
+    pub fn counts(&self) -> [(&'static str, u64); 19] {
         [
             ("rows", self.rows),
             ("trials", self.trials),
@@ -78,6 +80,7 @@ impl ElementSummary {
             ("no_load", self.no_load_bearing_contacts),
             ("large_overlap", self.large_overlap),
             ("damping_changed", self.damping_changed),
+            ("sudden_rearrangements", self.sudden_rearrangements),
             ("tangent_fallbacks", self.tangent_fallbacks),
             ("tangents_regularised", self.tangent_regularised),
             ("settled", self.settled),
@@ -113,6 +116,10 @@ impl ElementSummary {
             (
                 "controlled stress reached by relaxation in committed steps (no strain met it: a sudden rearrangement, or the same)",
                 self.relaxed_increments,
+            ),
+            (
+                "sudden rearrangement, behind which the path depends on the accuracy (compare seeds, more grains or a smaller `rve.tolerance`)",
+                self.sudden_rearrangements,
             ),
             ("no load-bearing contacts", self.no_load_bearing_contacts),
             ("overlap above 10 %", self.large_overlap),

@@ -51,10 +51,12 @@ pub struct SpecimenCsv<W: Write> {
     writer: csv::Writer<W>,
     /// Per component of shear, whether its walls have a stress.
     shear: Vec<bool>,
+    has_gravity: bool,
 }
 
 impl<W: Write> SpecimenCsv<W> {
-    /// Starts a table whose header may hold units, `sigma_xx [Pa]`. Columns of shear come last, where a stage asks for it.
+    /// Starts a table whose header may hold units, `sigma_xx [Pa]`. Columns of shear come last, where a stage asks for it,
+    /// and after them the work of gravity, where there is any.
     ///
     /// # Errors
     /// Errors of the output.
@@ -69,6 +71,8 @@ impl<W: Write> SpecimenCsv<W> {
             shear.push(is_walled);
         }
         names.extend((!shear.is_empty()).then(|| "shear_work".to_owned()));
+        let has_gravity = test.motion.gravity.iter().any(|part| *part != 0.0);
+        names.extend(has_gravity.then(|| "gravity_work".to_owned()));
         // With scaled masses a step is one unit of time, whatever its strain: no seconds.
         let unit = |name: &String| unit(name).filter(|_| name != "time" || !test.motion.scaled_masses);
         writer.write_record(names.iter().map(|name| match unit(name) {
@@ -76,7 +80,7 @@ impl<W: Write> SpecimenCsv<W> {
             _ => name.clone(),
         }))?;
         writer.flush()?;
-        Ok(Self { writer, shear })
+        Ok(Self { writer, shear, has_gravity })
     }
 
     /// Writes one row.
@@ -106,6 +110,7 @@ impl<W: Write> SpecimenCsv<W> {
             cells.extend(is_walled.then(|| stress.to_string()));
         }
         cells.extend((!self.shear.is_empty()).then(|| row.shear_work.to_string()));
+        cells.extend(self.has_gravity.then(|| row.gravity_work.to_string()));
         self.writer.write_record(&cells)?;
         self.writer.flush()?;
         Ok(())
@@ -118,8 +123,8 @@ impl SpecimenCsv<Vec<u8>> {
     /// # Errors
     /// Errors of the output.
     pub fn resumed(table: Vec<u8>, has_units: bool, test: &SpecimenTest) -> csv::Result<Self> {
-        let Self { shear, .. } = Self::new(Vec::new(), has_units, test)?;
-        Ok(Self { writer: csv::Writer::from_writer(table), shear })
+        let Self { shear, has_gravity, .. } = Self::new(Vec::new(), has_units, test)?;
+        Ok(Self { writer: csv::Writer::from_writer(table), shear, has_gravity })
     }
 
     /// The bytes so far.

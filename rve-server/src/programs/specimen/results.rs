@@ -46,6 +46,8 @@ pub struct SpecimenRow {
     pub shear: Vec<[f64; 2]>,
     /// Part of the work that came from walls moving along their planes and from periodic sides, J.
     pub shear_work: f64,
+    /// Work of gravity on the grains, J.
+    pub gravity_work: f64,
     /// Energy put in since the start that is neither stored nor booked as lost, J; negative if there is more than was put in.
     pub missing_energy: f64,
 }

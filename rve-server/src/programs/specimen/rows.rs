@@ -137,6 +137,7 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
             wall_work: self.dynamics.wall_work,
             shear: self.sheared.iter().map(|sheared| self.shear(*sheared)).collect(),
             shear_work: self.dynamics.shear_work,
+            gravity_work: self.dynamics.works[3],
             missing_energy: self.dynamics.missing_energy(),
         }
     }

@@ -45,6 +45,10 @@ fn a_disc_in_free_fall_is_not_balanced() {
     let expected = -0.5 * weight / side;
     let stress = row.wall_stress[1];
     assert!((stress / expected - 1.0).abs() < 2e-2, "{stress} Pa, {expected} Pa of the weight");
+    // The columns of a row close the balance of energy.
+    let lost = row.friction_work + row.viscous_work + row.damping_work;
+    let missing = row.wall_work + row.gravity_work - (row.kinetic_energy + row.elastic_energy + lost);
+    assert!(row.gravity_work > 0.0 && (missing - row.missing_energy).abs() < 1e-9 * row.gravity_work, "{row:?}");
 }
 
 /// A plate on grains with weight: the floor stands still and bears both. It was moved like the plate, and grains with plate and floor fell for
