@@ -120,11 +120,15 @@ fn respond(site: &Arc<Site>, request: Request) {
         return write(&answer, request);
     }
     if site.under_way.fetch_add(1, Ordering::Relaxed) < MOST_UNDER_WAY {
-        let site = Arc::clone(site);
-        thread::spawn(move || {
+        let done = Arc::clone(site);
+        let write_and_leave = move || {
             write(&answer, request);
+            done.under_way.fetch_sub(1, Ordering::Relaxed);
+        };
+        if thread::Builder::new().spawn(write_and_leave).is_err() {
+            // The system gives no thread: the request is dropped with what was to answer it.
             site.under_way.fetch_sub(1, Ordering::Relaxed);
-        });
+        }
     } else {
         site.under_way.fetch_sub(1, Ordering::Relaxed);
         write(&Answer::new(503, "text/plain", "too many long answers are under way whose readers wait\n"), request);

@@ -125,7 +125,11 @@ class PathSource:
         """Takes an RVE out of the living ones that stands at the end of ``path``."""
         if path and path[:-1] in self._alive and self._alive[path[:-1]][1] == path[-1]:
             rve, _ = self._alive.pop(path[:-1])
-            rve.commit()
+            try:
+                rve.commit()
+            except Exception:
+                rve.release()
+                raise
             return rve
         if path in self._alive:
             rve, trial = self._alive.pop(path)
@@ -136,6 +140,9 @@ class PathSource:
                 return rve
             except NotImplementedError:
                 rve.release()
+            except Exception:
+                rve.release()
+                raise
         while len(self._alive) >= self._most_alive:
             self._alive.popitem(last=False)[1][0].release()
         rve = self._rve_class(self._definition)

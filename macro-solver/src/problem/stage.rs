@@ -218,7 +218,7 @@ struct StabilisationKeys {
     /// force is not halved in two iterations, or an iteration leaves more than four fifths of it; 0: every iterate begins at the last accepted
     /// state. Counted as `fallbacks.steps_with_committed_iterates`. Refused where `stabilise` is false.
     #[schemars(extend(
-        "x-default" = "where supports move and all loads are constant 3, or 5 if the tangents leave out that contacts slide; else 0",
+        "x-default" = "where supports move and all loads are constant 3, or 5 with quasi-Newton updates or tangents that leave out that contacts slide; else 0",
         "x-procedures" = "implicit"
     ))]
     commit_iterates_after: Option<usize>,

@@ -182,7 +182,7 @@ fn nonlocal(
     Ok(averages.enabled.then_some(averages.settings))
 }
 
-/// Where its tables do not say so, iterates are committed where iterations do not contract, and steps that fail are stabilised at once if
+/// Where its tables do not say so, iterates are committed where the out-of-balance force hardly falls any more, and steps that fail are stabilised at once if
 /// supports drive the stage.
 fn stabilise_soon(stage: &mut Stage) {
     if stage.is_driven_by_supports()

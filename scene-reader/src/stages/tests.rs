@@ -17,6 +17,23 @@ fn the_default_strategy_depends_on_the_cells() {
     );
 }
 
+/// Tangents that leave out that contacts slide get more iterations before one of them is committed.
+#[test]
+fn iterates_are_committed_later_with_stiff_tangents() {
+    let after = |more: &[&str]| {
+        let stages = stages_of("biaxial-small", more).unwrap();
+        stages
+            .last()
+            .and_then(|stage| stage.control.stabilisation)
+            .and_then(|settings| settings.commit_iterates_after)
+    };
+    assert_eq!((after(&[]), after(&["solver.strategy=slip_secant"])), (Some(3), Some(3)));
+    for strategy in ["quasi_newton", "newton", "modified_newton"] {
+        assert_eq!(after(&[&format!("solver.strategy={strategy}")]), Some(5), "{strategy}");
+    }
+    assert_eq!(after(&["solver.strategy=newton", "loading.commit_iterates_after=2"]), Some(2));
+}
+
 fn stages_of(scene: &str, more: &[&str]) -> Result<Vec<Stage>, String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenes/{scene}.toml"));
     let overrides: Vec<String> = more.iter().map(|&text| text.to_owned()).collect();

@@ -166,9 +166,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             if summary.unbalanced_stages > 0 {
                 let (path, count) = (arguments.test.display(), summary.unbalanced_stages);
                 let stages = if count == 1 { "1 stage".to_owned() } else { format!("{count} stages") };
-                let text = format!(
-                    "{path}: {stages} ended at `steps` before `until_balance` was met; later stages went on from there"
-                );
+                let text = format!("{path}: {stages} ended at `steps` before `until_balance` was met");
                 let hint = "\nhint: give more `steps`, or a larger `until_balance`";
                 return Err(Failure::new(Exit::NotConverged, format!("{text}{hint}")));
             }

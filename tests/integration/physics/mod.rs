@@ -9,4 +9,5 @@ mod reference_case_a;
 mod reference_case_b;
 mod single_elements;
 mod slope_by_friction;
+mod triaxial_element;
 mod undrained;

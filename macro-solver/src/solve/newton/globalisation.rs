@@ -20,8 +20,8 @@ const LONGEST_STAGNATION: usize = 5;
 /// See [`LONGEST_STAGNATION`].
 const PROGRESS: f64 = 0.9;
 
-/// Evaluations without halving the distance from convergence after which iterations make no progress worth their cost, if there is
-/// an iterate that may be accepted as it is. A smooth material halves it in each.
+/// Evaluations without halving the distance from convergence, or the out-of-balance force, after which iterations make no progress worth their cost:
+/// an iterate that may be accepted as it is ends the step, and one that may be committed is. A smooth material halves both in each.
 const LONGEST_CRAWL: usize = 2;
 
 /// The same for a single evaluation that leaves more than this share of the distance of the one before.
@@ -195,6 +195,17 @@ mod tests {
         assert_eq!(crawls(&[8.0, 5.0, 3.0, 2.0, 1.2]), [false; 5]);
         assert_eq!(crawls(&[8.0, 6.0, 4.5, 2.0]), [false, false, true, false]);
         assert_eq!(crawls(&[8.0, 3.0, 2.9, 1.0]), [false, false, true, false], "a single one that gains nothing");
+    }
+
+    /// A quasi-Newton update that finds the body softer makes the corrections grow, while the forces are halved.
+    #[test]
+    fn corrections_that_grow_say_nothing_about_the_forces() {
+        let mut guard = Globalisation::new(1e-3, 1e-3);
+        let steps = [(8.0, 1.0), (4.0, 3.0), (2.0, 4.0), (1.0, 4.0)];
+        let found =
+            steps.map(|(force, displacement)| (guard.crawls([force, displacement]), guard.forces_crawl(force)));
+        assert!(found.iter().all(|(_, forces)| !forces) && found[3].0, "{found:?}");
+        assert!(guard.forces_crawl(0.9));
     }
 
     #[test]

@@ -68,7 +68,7 @@ pub enum ElementError {
 /// How far a trial may go, by why one was refused.
 fn largest_trial(refused: &RveError) -> String {
     match refused {
-        RveError::TargetTooLarge { limit, .. } => format!("`rve.largest_target` is {limit:.1e}"),
+        RveError::TargetTooLarge { limit, .. } => format!("of a strain of {limit:.1e} at most"),
         _ => "it would turn the cell inside out".to_owned(),
     }
 }

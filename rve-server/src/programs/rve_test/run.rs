@@ -388,7 +388,10 @@ impl<C: TestedCell> Run<C> {
         self.stress = row.stress;
         if let Some(damping) = row.damping_work {
             let [damped, stored] = std::mem::replace(&mut self.last_energies, [damping, row.elastic_energy]);
-            let is_sudden = row.increment > 0 && damping - damped > SUDDEN * stored.max(row.elastic_energy);
+            // A cell that has come apart stores nothing that damping could be measured by.
+            let bears_load = !row.flags.contains(TrialFlags::NO_LOAD_BEARING_CONTACTS);
+            let is_sudden =
+                row.increment > 0 && bears_load && damping - damped > SUDDEN * stored.max(row.elastic_energy);
             self.summary.sudden_rearrangements += u64::from(is_sudden);
         }
         let network = self.cell.network_at_rest().expect("an accepted state is finite");

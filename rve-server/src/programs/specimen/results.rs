@@ -96,7 +96,8 @@ pub struct SpecimenSummary {
     pub unbalanced_rows: u64,
     /// The largest such share in any of these stages' rows.
     pub largest_unbalanced: f64,
-    /// Rows of the same stages in which the shear forces of opposite walls differ by more than 2 % of the normal ones.
+    /// Rows of the same stages in which walls shear the specimen, all other sides are periodic, and the shear forces of opposite walls differ by
+    /// more than 2 % of the normal ones.
     pub shear_misses: u64,
     /// The largest such difference, over the normal force.
     pub largest_shear_difference: f64,

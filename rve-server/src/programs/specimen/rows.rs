@@ -78,10 +78,13 @@ impl<S: Joinable, C: ContactLaw<S>> Run<'_, S, C> {
         }
     }
 
-    /// Difference of what both walls bear along a shear, over what they bear across it: what damping and inertia of the grains between them take;
-    /// 0 where the axis is periodic.
+    /// Difference of what both walls bear along a shear, over what they bear across it: what damping and inertia of the grains between them take.
+    /// 0 where the axis is periodic, and where another one has walls, which bear a part of the shear.
     pub(super) fn shear_difference(&self, sheared: Sheared) -> f64 {
         let Some(pair) = self.walls[sheared.side] else { return 0.0 };
+        if (0..S::DIMENSION).any(|axis| axis != sheared.side && self.walls[axis].is_some()) {
+            return 0.0;
+        }
         let [low, high] = pair.map(|wall| &self.dynamics.walls[wall]);
         let normal = 0.5 * (low.normal_force() + high.normal_force()).abs();
         let left = (low.force.as_ref()[sheared.along] + high.force.as_ref()[sheared.along]).abs();

@@ -348,8 +348,8 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
         if self.test.motion.scaled_masses {
             self.summary.unbalanced_rows += u64::from(row.unbalanced_force_ratio > UNBALANCED_COUNTED);
             self.summary.largest_unbalanced = self.summary.largest_unbalanced.max(row.unbalanced_force_ratio);
-            let differences = self.sheared.iter().map(|sheared| self.shear_difference(*sheared));
-            let difference = differences.fold(0.0, f64::max);
+            let difference =
+                stage.shear.components().map(|sheared| self.shear_difference(sheared)).fold(0.0, f64::max);
             self.summary.shear_misses += u64::from(difference > SHEAR_COUNTED);
             self.summary.largest_shear_difference = self.summary.largest_shear_difference.max(difference);
         }
@@ -428,19 +428,9 @@ impl<'a, S: Joinable, C: ContactLaw<S>> Run<'a, S, C> {
             normal_force: self.dynamics.contacts.normal_force,
             largest_force: self.last.largest_force,
             kinetic_energy: self.last.kinetic_energy,
-            weight: self.mean_weight(),
+            free_weight: self.last.free_weight,
             turnover: self.dynamics.energy_turnover(),
         }
-    }
-
-    /// Mean weight of a grain, N.
-    fn mean_weight(&self) -> f64 {
-        let gravity = self.dynamics.motion.gravity.iter().map(|part| part * part).sum::<f64>().sqrt();
-        if gravity == 0.0 {
-            return 0.0;
-        }
-        let grains = self.dynamics.body.grains.len();
-        gravity * (0..grains).map(|grain| self.dynamics.body.mass(grain)).sum::<f64>() / grains.max(1) as f64
     }
 
     /// Rate of the period of an axis, m/s, in the homogeneous strain of the stage: strains along the periodic axes and shears across them

@@ -19,7 +19,7 @@ pub struct Stage {
     #[schemars(range(min = 1))]
     pub steps: u64,
     /// Ends the stage when the unbalanced force over the mean contact force, and the distance of wall stresses from their
-    /// targets over the mean target, are below this. Not in a stage that strains or shears.
+    /// targets over the mean target, are below this, and with gravity no grain is without contact. Not in a stage that strains or shears.
     #[serde(default)]
     #[schemars(extend("x-unit" = "-", "exclusiveMinimum" = 0))]
     pub until_balance: Option<f64>,
@@ -182,7 +182,7 @@ impl Stage {
             if stress.is_some_and(|value| !(value.is_finite() && value < 0.0)) {
                 return Err(DefinitionError(format!(
                     "stress.{name} must be compressive (negative): grains bear no tension; for a free surface give strain.{name} instead, which \
-                     lifts the wall off the grains"
+                     draws both walls off the grains"
                 )));
             }
         }

@@ -139,6 +139,7 @@ impl<'a> StateStream<'a> {
     pub(super) fn grain_sums(&mut self, sums: &mut GrainSums) {
         self.number(&mut sums.kinetic_energy);
         self.number(&mut sums.largest_force);
+        self.number(&mut sums.free_weight);
         self.number(&mut sums.gravity_work);
         self.number(&mut sums.damping_work);
     }

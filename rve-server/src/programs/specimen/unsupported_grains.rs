@@ -1,8 +1,5 @@
 //! Grains that bear nothing: balance is balance of forces that are borne.
 
-/// Unbalanced force over the mean weight of a grain from which on some grain may be falling, however large the forces elsewhere are.
-const FALLING: f64 = 0.1;
-
 /// What tells that grains fly: no contact bears them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct UnsupportedGrains {
@@ -10,8 +7,8 @@ pub(super) struct UnsupportedGrains {
     pub(super) normal_force: f64,
     /// Largest force on a grain, N.
     pub(super) largest_force: f64,
-    /// Mean weight of a grain, N; 0 without gravity.
-    pub(super) weight: f64,
+    /// Largest weight of a grain that nothing touches, N; 0 without gravity.
+    pub(super) free_weight: f64,
     /// J.
     pub(super) kinetic_energy: f64,
     /// Energy that has been turned over so far, J.
@@ -23,7 +20,7 @@ impl UnsupportedGrains {
     /// together: no ratio to a mean contact force tells of that. Kinetic energy is quadratic in what the limit of the balance bounds.
     pub(super) fn are_in_the_air(&self, limit: f64) -> bool {
         let coasts = self.kinetic_energy > limit * limit * self.turnover;
-        let falls = self.weight > 0.0 && self.largest_force > FALLING * self.weight;
+        let falls = self.free_weight > 0.0;
         falls || (self.normal_force == 0.0 && (self.largest_force > 0.0 || coasts))
     }
 }
@@ -44,8 +41,8 @@ mod tests {
             !in_the_air(UnsupportedGrains { kinetic_energy: 1e-4, largest_force: 1.0, normal_force: 2.0, ..at_rest }),
             "it is borne"
         );
-        let pressed = UnsupportedGrains { normal_force: 1e3, largest_force: 1e-2, weight: 1e-2, ..at_rest };
+        let pressed = UnsupportedGrains { normal_force: 1e3, largest_force: 1e-2, free_weight: 1e-2, ..at_rest };
         assert!(in_the_air(pressed), "one falls among others that are pressed");
-        assert!(!in_the_air(UnsupportedGrains { largest_force: 5e-4, ..pressed }));
+        assert!(!in_the_air(UnsupportedGrains { free_weight: 0.0, ..pressed }));
     }
 }

@@ -54,6 +54,8 @@ pub struct GrainSums {
     pub kinetic_energy: f64,
     /// Largest unbalanced force, N.
     pub largest_force: f64,
+    /// Largest weight of a grain that nothing touches, N.
+    pub free_weight: f64,
     /// Work of gravity in this step, J.
     pub gravity_work: f64,
     /// Work lost to local damping in this step, J.
@@ -289,6 +291,7 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         self.block_sums.iter().fold(GrainSums::default(), |whole, block| GrainSums {
             kinetic_energy: whole.kinetic_energy + block.kinetic_energy,
             largest_force: whole.largest_force.max(block.largest_force),
+            free_weight: whole.free_weight.max(block.free_weight),
             gravity_work: whole.gravity_work + block.gravity_work,
             damping_work: whole.damping_work + block.damping_work,
         })
@@ -444,6 +447,9 @@ fn kick<S: SpecimenSpace>(
     let weight = gravity.scaled(mass);
     let force = load.force.plus(weight);
     sums.largest_force = sums.largest_force.max(force.dot(force).sqrt());
+    if load.force == Tuple::zero() {
+        sums.free_weight = sums.free_weight.max(weight.dot(weight).sqrt());
+    }
     let (own, own_spin) = flow.map_or((grain.velocity, grain.spin), |flow| flow.own_motion(grain));
     let damped = damped(motion.local_damping, force, own);
     let turning = damped_moment::<S>(motion, load.moment, own_spin);
