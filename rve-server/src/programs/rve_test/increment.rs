@@ -127,9 +127,7 @@ impl<C: TestedCell> Run<C> {
             if is_reached || (is_at_jump && miss.distance() <= LARGEST_JUMP * scale) {
                 self.spent.has_jumped |= !is_reached;
                 self.keep_network();
-                if is_reached {
-                    self.follow_up(&servo);
-                }
+                self.follow_up(&servo);
                 let control = if is_reached { StressControl::Met } else { StressControl::Jump };
                 return Ok(Accepted { gradient, answer, control });
             }

@@ -12,12 +12,12 @@ use crate::tangent::FrozenMethod;
 /// Strain of a perturbation. Its trial takes the least number of steps.
 const PERTURBATION: f64 = 1e-6;
 
-/// What perturbations have told in a segment, `d sigma / dG`, Pa.
+/// What perturbations have told in a segment, or since its stresses were last relaxed, `d sigma / dG`, Pa.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Probed {
-    /// Of the controlled components at the start of the segment.
+    /// Of the controlled components then.
     elastic: Operator,
-    /// The same as the last search that met its stresses has left it.
+    /// The same as the last search that ended at a strain has left it, at its stresses or as near as a snap allows.
     followed: Option<Operator>,
 }
 
@@ -38,7 +38,7 @@ impl<C: TestedCell> Run<C> {
         }
     }
 
-    /// Takes over what a search that has met its stresses has learnt.
+    /// Takes over what a search that has ended at a strain has learnt.
     pub(super) fn follow_up(&mut self, search: &Servo) {
         if let Some(probed) = &mut self.probed {
             probed.followed = Some(search.derivative());

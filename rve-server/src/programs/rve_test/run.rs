@@ -333,6 +333,8 @@ impl<C: TestedCell> Run<C> {
             let is_told = accepted.answer.flags.contains(TrialFlags::NOT_EQUILIBRATED);
             self.summary.not_equilibrated += u64::from(self.spent.restless > 0 && !is_told);
             if self.spent.relaxed > 0 {
+                // The way here has led far from where perturbations were tried.
+                self.probed = None;
                 self.summary.relaxed_increments += 1;
                 control = control.max(StressControl::Relaxed);
             }
