@@ -340,6 +340,7 @@ mod tests {
     use std::io::Read;
     use std::net::{IpAddr, TcpStream};
     use std::path::Path;
+    use std::time::Duration;
 
     const PROGRAM: Program = Program {
         live: |path| path.join("alive").exists().then(|| Value::from(1)),
@@ -427,51 +428,33 @@ mod tests {
         thread::spawn(move || server.run());
         let get = |path: &str| {
             let mut stream = TcpStream::connect(place).unwrap();
+            stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
             write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
             let mut text = Vec::new();
-            stream.read_to_end(&mut text).unwrap();
+            stream.read_to_end(&mut text).expect("an answer in time");
             String::from_utf8_lossy(&text).into_owned()
+        };
+        // Others have come first.
+        let in_time = |path: &str| {
+            thread::sleep(Duration::from_millis(200));
+            get(path)
         };
         assert!(get("/").starts_with("HTTP/1.1 404"));
         let page = get(address.trim_start_matches(&format!("http://{place}")));
         assert!(page.starts_with("HTTP/1.1 200") && page.contains("<!DOCTYPE html>"), "{page}");
-        // Bodies that never come occupied every thread.
-        let half_sent: Vec<TcpStream> = (0..=THREADS)
-            .map(|_| {
-                let mut stream = TcpStream::connect(place).unwrap();
-                write!(stream, "POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5000\r\n\r\n").unwrap();
-                stream
-            })
-            .collect();
-        thread::sleep(std::time::Duration::from_millis(100));
-        let (sender, receiver) = std::sync::mpsc::channel();
-        thread::spawn(move || {
-            let mut stream = TcpStream::connect(place).unwrap();
-            write!(stream, "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
-            let mut text = Vec::new();
-            stream.read_to_end(&mut text).unwrap();
-            let _ = sender.send(text);
-        });
-        let text = receiver.recv_timeout(std::time::Duration::from_secs(20)).expect("an answer in spite of them");
-        assert!(text.starts_with(b"HTTP/1.1 404"));
-        drop(half_sent);
-        // So did answers that nobody reads.
+        let pending = |request: &str| -> Vec<TcpStream> {
+            let mut streams: Vec<_> = (0..=THREADS).map(|_| TcpStream::connect(place).unwrap()).collect();
+            streams.iter_mut().for_each(|stream| write!(stream, "{request}\r\nHost: localhost\r\n\r\n").unwrap());
+            streams
+        };
+        // Bodies that never come occupied every thread, and so did answers that nobody reads.
         let key = address.trim_start_matches(&format!("http://{place}"));
-        let unread: Vec<TcpStream> = (0..=THREADS)
-            .map(|_| {
-                let mut stream = TcpStream::connect(place).unwrap();
-                write!(stream, "GET {key}files/large.csv HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
-                stream
-            })
-            .collect();
-        thread::sleep(std::time::Duration::from_millis(200));
-        let mut stream = TcpStream::connect(place).unwrap();
-        stream.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
-        write!(stream, "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
-        let mut text = Vec::new();
-        stream.read_to_end(&mut text).expect("an answer in spite of them");
-        assert!(text.starts_with(b"HTTP/1.1 404"));
-        drop(unread);
+        let unread = format!("GET {key}files/large.csv HTTP/1.1");
+        for request in ["POST / HTTP/1.1\r\nContent-Length: 5000", &unread] {
+            let streams = pending(request);
+            assert!(in_time("/").starts_with("HTTP/1.1 404"), "{request}");
+            drop(streams);
+        }
     }
 
     #[test]

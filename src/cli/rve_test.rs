@@ -12,8 +12,8 @@ use crate::workers::SignalWatch;
 use macro_solver::output::OutputError;
 use protocol::TangentKind;
 use rve_server::programs::rve_test::{
-    ElementCsv, ElementError, ElementRow, ElementSummary, RowRequests, StopRequests, run_element_on, start_note,
-    start_warnings,
+    ElementCsv, ElementError, ElementRow, ElementSummary, RowRequests, Segment, StopRequests, run_element_on,
+    start_note, start_warnings,
 };
 use scene_reader::{Document, InputError, Kind, read_element_test};
 use std::cell::RefCell;
@@ -117,9 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let buffer = Rc::new(RefCell::new(Vec::new()));
     let mut rows = Rows::new(arguments, &buffer)?;
     let progress_line = WaitingProgress::start(arguments.quiet);
-    let rows_of = |segment: &rve_server::programs::rve_test::Segment| {
-        (segment.increments as usize).saturating_mul(segment.repeat as usize)
-    };
+    let rows_of = |segment: &Segment| (segment.increments as usize).saturating_mul(segment.repeat as usize);
     let expected = test.path.iter().map(rows_of).fold(0, usize::saturating_add);
     let interrupt = SignalWatch::flag("the present trial is the last")?;
     let raised = interrupt.clone();

@@ -267,7 +267,7 @@ mod stabilisation_keys {
 
 impl Stabilisation {
     /// Of a stage that supports drive under constant loads, unless it says otherwise: the body has an equilibrium further on, and a body that
-    /// softens as a whole takes more increments than a snap does. Chosen in docs/lab-book/strategies.md.
+    /// softens as a whole takes more increments than a snap does. Chosen in docs/lab-book/strategies.md, with tangents that follow sliding contacts.
     pub const UNDER_MOVING_SUPPORTS: Self =
         Self { after: Some(1), most_increments: 300, viscosity: 0.1, commit_iterates_after: Some(3) };
 

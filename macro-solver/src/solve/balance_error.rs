@@ -6,8 +6,8 @@ use crate::observer::BalanceError;
 use nalgebra::Matrix3;
 
 impl Solver<'_> {
-    /// Error of the committed total stresses, those of grains and pore fluid together, whose next correction of the displacements would be `correction`, by the tangents of the last
-    /// evaluation; `None` before the body has been under stress. Costs no evaluation.
+    /// Error of the committed total stresses, those of grains and pore fluid together, whose next correction of the displacements would be
+    /// `correction`, by the tangents of the last evaluation; `None` before the body has been under stress. Costs no evaluation.
     pub(super) fn balance_error(&mut self, correction: &[f64]) -> Option<BalanceError> {
         let points = self.points.all();
         let axes = self.body.mesh().dimension.count();

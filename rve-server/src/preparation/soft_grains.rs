@@ -70,7 +70,7 @@ pub fn stiffness_hint(recipe: &PackingRecipe) -> Option<&'static str> {
     match expected_overlap(recipe)? {
         overlap if overlap > SOFT => Some("its grains are soft for this pressure: give contact a larger stiffness"),
         overlap if overlap < STIFF => Some(
-            "its grains are so stiff for this pressure that they may not get there at all: a smaller stiffness will do",
+            "its grains are so stiff for this pressure that they may not get there at all: give contact a smaller stiffness",
         ),
         _ => None,
     }

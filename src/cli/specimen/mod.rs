@@ -347,8 +347,8 @@ fn closing(summary: &SpecimenSummary) -> String {
     }
     if summary.shear_misses > 0 {
         warnings.push(format!(
-            "opposite walls bear different shear forces in {}, by {:.1} % of the normal force at most: the motion is too fast for the local \
-             damping; more `steps`, or a smaller `motion.local_damping`",
+            "opposite walls bear different shear forces in {}, by {:.1} % of the normal force at most: inertia or local damping bears a \
+             part of the shear; more `steps`, or a smaller `motion.local_damping`",
             rows_in_words(summary.shear_misses),
             100.0 * summary.largest_shear_difference
         ));

@@ -31,8 +31,6 @@ pub(super) fn problem(scene: &Scene, options: &RveOptions, tightness: f64) -> an
     stage.control.increments = scene.steps;
     stage.control.min = 1.0 / (64 * scene.steps) as f64;
     stage.control.max_iterations = 25;
-    // As in scenes that do not say otherwise.
-    stage.control.stabilisation = Some(Stabilisation::UNDER_MOVING_SUPPORTS);
     // Tolerances of the scene itself: a finer run has none of its own.
     let given = match scene.options.error {
         Some(error) => Tolerances::within(error),
@@ -43,6 +41,8 @@ pub(super) fn problem(scene: &Scene, options: &RveOptions, tightness: f64) -> an
     if !is_plane {
         stage.strategy = NamedStrategy::default_of(3).preset();
     }
+    // As in scenes that do not say otherwise.
+    stage.control.stabilisation = Some(Stabilisation::under_moving_supports(&stage.strategy));
     problem.strain_per_step = options.strain_per_step();
     let [smallest, largest] = options.strain_per_step_bounds();
     problem.error_control = options.error.map(|error| ErrorControl { error, smallest, largest });

@@ -27,6 +27,10 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+/// Share of the energy stored in the contacts that numerical damping takes in an increment from which on grains have rearranged suddenly. Steady
+/// sliding leaves it some thousandths.
+const SUDDEN: f64 = 0.1;
+
 /// Runs `test`; paths in it are relative to `base_dir`. Every row is given to `on_row` as soon as it is accepted, with
 /// what `requests` names: a tangent operator alone stands for itself.
 ///
@@ -158,10 +162,6 @@ pub(super) struct Run<C: TestedCell> {
     last_energies: [f64; 2],
 }
 
-/// Share of the energy stored in the contacts that numerical damping takes in an increment from which on grains have rearranged suddenly. Steady
-/// sliding leaves it some thousandths.
-const SUDDEN: f64 = 0.1;
-
 impl<C: TestedCell> Run<C> {
     /// Before row 0.
     fn new(cell: C, test: &ElementTest, requests: RowRequests) -> Self {
@@ -258,6 +258,9 @@ impl<C: TestedCell> Run<C> {
         self.cell.commit().expect("the cell has just settled");
         self.stress = tensor_of(&answer.stress.0);
         self.work.advance(self.deformation, self.stress, energies);
+        // What damping took on the way to rest is no rearrangement of the first increment.
+        let [_, damping] = self.work.over_present_volume();
+        self.last_energies = [damping, answer.observed.elastic_energy];
         Ok(())
     }
 

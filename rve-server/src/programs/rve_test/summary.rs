@@ -114,11 +114,11 @@ impl ElementSummary {
                 self.stress_jumps,
             ),
             (
-                "controlled stress reached by relaxation in committed steps (no strain met it: a sudden rearrangement, or the same)",
+                "controlled stress reached by relaxation in committed steps (no strain met it: a sudden rearrangement, or too small a stress_tolerance)",
                 self.relaxed_increments,
             ),
             (
-                "sudden rearrangement, behind which the path depends on the accuracy (compare seeds, more grains or a smaller `rve.tolerance`)",
+                "sudden rearrangement, after which the path depends on the accuracy (compare seeds, more grains or a smaller `rve.tolerance`)",
                 self.sudden_rearrangements,
             ),
             ("no load-bearing contacts", self.no_load_bearing_contacts),
