@@ -232,7 +232,7 @@ def test_warnings_name_the_line_of_the_user_and_are_said_once(tmp_path):
     script.write_text(WARNED.format(discs=str(DISCS), contact={**CONTACT, "modulus": 0.5 * CONTACT["modulus"]}))
     done = subprocess.run([sys.executable, "-W", "default", script], capture_output=True, text=True, check=True)
     warned, line = done.stderr.strip().splitlines()
-    assert warned.startswith(f"{script}:5: RuntimeWarning: the packing was not at rest") and line.endswith("# here")
+    assert warned.startswith(f"{script}:5: RuntimeWarning: the packing, or the frame cut out of it, was not at rest") and line.endswith("# here")
 
 
 def test_a_test_that_stops_on_its_way_to_the_pressure_has_a_table(rve):
