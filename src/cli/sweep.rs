@@ -280,18 +280,20 @@ fn check(common: &Common<'_>, sweeps: &[Sweep], combinations: &[Vec<&str>]) -> R
     let mut warned = BTreeSet::new();
     for values in &chosen {
         let (document, test, packing) = read(common, sweeps, values)?;
-        if let Some(remark) = packing.narrow_cell()
-            && warned.insert(test.packing.clone())
+        if let Some(remark) = packing.narrow_cell().map(|remark| format!("{}: {remark}", test.packing.display()))
+            && warned.insert(remark.clone())
         {
-            tell(format_args!("warning: {}: {remark}", test.packing.display()));
+            tell(format_args!("warning: {remark}"));
         }
         expect_place(common.out, &[common.path, &document.resolve(Path::new(&test.packing))])?;
         let dimension = packing.dimension();
-        match first {
-            None => {
-                crate::exit::warn(&document);
-                first = Some(dimension);
+        for warning in document.warnings().iter().map(|warning| as_swept(warning.clone(), sweeps)) {
+            if warned.insert(warning.clone()) {
+                tell(format_args!("warning: {warning}"));
             }
+        }
+        match first {
+            None => first = Some(dimension),
             Some(first) if first != dimension => {
                 let text = format!(
                     "{}: a packing of discs and one of spheres do not fit into one table",
@@ -335,13 +337,15 @@ fn read(common: &Common<'_>, sweeps: &[Sweep], values: &[&str]) -> Result<(Docum
         let (test, packing) = read_element_test(&document)?;
         Ok((document, test, packing))
     };
-    // Swept values are given over as overrides, which the user has not written.
-    found().map_err(|failure| {
-        let renamed = |message: String, sweep: &Sweep| {
-            message.replace(&format!("--set {}=", sweep.key), &format!("--sweep {}=", sweep.key))
-        };
-        Failure { message: sweeps.iter().fold(failure.message, renamed), ..failure }
-    })
+    found().map_err(|failure| Failure { message: as_swept(failure.message, sweeps), ..failure })
+}
+
+/// A message about swept values, which are given over as overrides that the user has not written.
+fn as_swept(message: String, sweeps: &[Sweep]) -> String {
+    let renamed = |message: String, sweep: &Sweep| {
+        message.replace(&format!("--set {}=", sweep.key), &format!("--sweep {}=", sweep.key))
+    };
+    sweeps.iter().fold(message, renamed)
 }
 
 /// Runs one test.

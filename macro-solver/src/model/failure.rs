@@ -17,7 +17,7 @@ impl Failure {
     pub(crate) fn into_outcome(self) -> Outcome {
         match self {
             Self::Run(outcome) => outcome,
-            Self::Attempt(reason) => Outcome::WorkersLost { reason },
+            Self::Attempt(reason) => Outcome::DidNotConverge { reason },
         }
     }
 }

@@ -40,11 +40,13 @@ pub(super) fn images(
         return None;
     }
     let mut images = vec![Vector3::zeros()];
-    for period in faces.iter().chain(&others) {
+    for (number, period) in faces.iter().chain(&others).enumerate() {
+        let may_repeat = number >= faces.len();
         for image in multiples(&images, period, times(period) as i64) {
             let is_near = faces.iter().all(|face| image.dot(&face.normal).abs() <= face.reach);
-            let is_new = images.iter().all(|known| (known - image).norm() > RESOLUTION * longest);
-            if is_near && is_new {
+            let is_known =
+                |image: &Vector3<f64>| images.iter().any(|known| (known - image).norm() <= RESOLUTION * longest);
+            if is_near && !(may_repeat && is_known(&image)) {
                 images.push(image);
             }
         }

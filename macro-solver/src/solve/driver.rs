@@ -315,8 +315,12 @@ impl<'a> Solver<'a> {
             let tried = AttemptCost::of(&self.statistics);
             let failed = tried.since(begun);
             let from = target - self.stage_fraction;
-            // The second attempt differs from the first in how it begins.
-            let is_last = is_smallest(from, control.min) || (cut_backs > 0 && self.stage().changes_nothing());
+            let shorter = (from * control.cut).max(control.min);
+            // Close to the end of the path a shorter step ends there too. The second attempt where nothing changes differs from the first in how
+            // it begins.
+            let is_last = is_smallest(from, control.min)
+                || next_fraction(self.stage_fraction, shorter, control.increments, control.min) >= target
+                || (cut_backs > 0 && self.stage().changes_nothing());
             if let Some(settings) = self.stabilises(method, cut_backs + 1, from, is_last) {
                 let counters = Counters { cut_backs: cut_backs + 1, ..counters };
                 match self.stabilise(settings, target, &reason, failed, &counters, session)? {
@@ -334,7 +338,7 @@ impl<'a> Solver<'a> {
             if is_last {
                 return Err(Outcome::DidNotConverge { reason: self.explained(target, &reason) });
             }
-            *size = (from * control.cut).max(control.min);
+            *size = shorter;
             session.observer.cut_back(&CutBack { step: self.step, load: target, from, to: *size, cost, reason });
         }
         unreachable!("the loop only ends by returning")

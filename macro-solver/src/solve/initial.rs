@@ -14,7 +14,7 @@ pub(super) enum InitialStateDefect {
          initial_stress expects; take packings prepared at the stress of their place, or allow more"
     )]
     Deviation {
-        /// Largest deviation over the largest component expected.
+        /// Largest deviation over the largest component expected or, where all are to be zero, found.
         deviation: f64,
     },
     /// Out of balance.
@@ -82,11 +82,12 @@ impl Solver<'_> {
         Ok(())
     }
 
-    /// Largest deviation of the initial stress from what is expected, over the largest component expected; 0 if nothing is.
+    /// Largest deviation of the initial stress from what is expected, over the largest component expected or, where all are to be zero, found; 0 if
+    /// nothing is expected.
     fn initial_deviation(&self) -> f64 {
         let Some(expected) = &self.problem.initial.expected else { return 0.0 };
         let axes = self.body.mesh().dimension.count();
-        let (mut deviation, mut largest) = (0.0f64, 0.0f64);
+        let (mut deviation, mut largest, mut found) = (0.0f64, 0.0f64, 0.0f64);
         for (number, point) in self.points.all().iter().enumerate() {
             let wanted = expected.at(number, self.body.place(number, &self.body.mesh().nodes));
             let stress = &point.response.stress;
@@ -94,9 +95,13 @@ impl Solver<'_> {
             let across = (axes < 3 && stress[(2, 2)] != 0.0 && wanted[(2, 2)] != 0.0).then_some((2, 2));
             for place in (0..axes).flat_map(|i| (0..axes).map(move |j| (i, j))).chain(across) {
                 largest = largest.max(wanted[place].abs());
+                found = found.max(stress[place].abs());
                 deviation = deviation.max((stress[place] - wanted[place]).abs());
             }
         }
-        if deviation == 0.0 { 0.0 } else { deviation / largest }
+        match if largest > 0.0 { largest } else { found } {
+            0.0 => 0.0,
+            scale => deviation / scale,
+        }
     }
 }

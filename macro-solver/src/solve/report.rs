@@ -2,6 +2,7 @@
 
 use super::accepted::{AcceptedState, Counters};
 use super::driver::{Session, Solver};
+use crate::formulation::Formulation;
 use crate::formulation::tensor::tensor;
 use crate::model::body::by_node;
 use crate::observer::{BalanceError, FieldsView, Outcome, PointFields, StepAccuracy, StepReport};
@@ -58,8 +59,14 @@ impl Solver<'_> {
         let dimension = self.body.mesh().dimension.count();
         let points = self.point_fields(state.gradients);
         let formulation = self.problem.formulation;
-        let fluids = points.iter().zip(self.points.all());
-        let fluid_energy = fluids.map(|(fields, point)| fields.volume * point.fluid_energy(formulation)).sum();
+        let volumes = points.iter().zip(self.body.settled_geometry()).map(|(fields, settled)| match formulation {
+            Formulation::SmallStrain => settled.volume,
+            Formulation::TotalLagrangian | Formulation::UpdatedLagrangian | Formulation::Corotational => {
+                fields.volume
+            }
+        });
+        let fluids = volumes.zip(self.points.all());
+        let fluid_energy = fluids.map(|(volume, point)| volume * point.fluid_energy(formulation)).sum();
         let view = FieldsView {
             mesh: self.body.mesh(),
             displacements: &by_node(dimension, &self.body.displacements),

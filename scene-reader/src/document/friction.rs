@@ -6,30 +6,49 @@ use std::ops::Range;
 /// Coefficient of friction, of 72 degrees, above which an angle was probably given.
 const LARGEST: f64 = 3.0;
 
-/// Remarks on the tables `contact` of a document, wherever they stand, each with the place of its coefficient.
+/// Remarks on the numbers called `friction` in a document, wherever they stand (contact law, walls, stages), each with the place of its coefficient.
 pub(super) fn remarks(node: &Node) -> Vec<(Range<usize>, String)> {
+    below(node, "")
+}
+
+fn below(node: &Node, table: &str) -> Vec<(Range<usize>, String)> {
     match &node.value {
         Value::Table(members) => members
             .iter()
             .flat_map(|(key, member)| {
-                let friction = member.node.get("friction").filter(|_| key == "contact");
-                let angle = friction.filter(|friction| friction.number().is_some_and(|value| value > LARGEST));
-                let own = angle.map(|angle| {
-                    let value = angle.number().unwrap_or_default();
-                    let text = format!(
-                        "contact.friction = {value} is the coefficient of friction, the tangent of the angle, not the angle"
-                    );
-                    (angle.span.clone(), text)
-                });
-                own.into_iter().chain(remarks(&member.node))
+                let value = member.node.number().filter(|value| key == "friction" && *value > LARGEST);
+                let own = value.map(|value| (member.node.span.clone(), remark(table, value)));
+                own.into_iter().chain(below(&member.node, key))
             })
             .collect(),
-        Value::List(entries) => entries.iter().flat_map(remarks).collect(),
+        Value::List(entries) => entries.iter().flat_map(|entry| below(entry, table)).collect(),
         Value::Nothing
         | Value::Boolean(_)
         | Value::Integer(_)
         | Value::Number(_)
         | Value::Text(_)
         | Value::Date(_) => Vec::new(),
+    }
+}
+
+fn remark(table: &str, value: f64) -> String {
+    let key = if table.is_empty() { "friction".to_owned() } else { format!("{table}.friction") };
+    format!("{key} = {value} is the coefficient of friction, the tangent of the angle, not the angle")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use toml::de::DeTable;
+
+    #[test]
+    fn angles_are_noted_in_every_table() {
+        let text = "[contact]\nfriction = 30\n[walls]\nfriction = 25.0\n[[stage]]\nfriction = 2.5\n[[stage]]\nfriction = 3.5\n\
+                    [recipe]\ntarget = { friction = [0.0, 1.0] }\n";
+        let found = remarks(&Node::from(&DeTable::parse(text).unwrap()));
+        let texts: Vec<&str> =
+            found.iter().map(|(_, remark)| remark.split(" is the").next().unwrap_or_default()).collect();
+        assert_eq!(texts, ["contact.friction = 30", "walls.friction = 25", "stage.friction = 3.5"]);
+        assert!(found.iter().all(|(span, _)| text[span.clone()].parse::<f64>().is_ok()));
     }
 }

@@ -169,10 +169,20 @@ pub(super) fn powers_csv(results: &Results<'_>) -> Result<Vec<u8>, Failure> {
         ];
         let (lower, upper) = (fit.power - fit.half_width, fit.power + fit.half_width);
         row.extend([fit.power, lower, upper, fit.factor].map(exact));
-        row.push(if (lower..=upper).contains(&-0.5) { "yes" } else { "no" }.to_owned());
+        row.push(holds_half_power(lower, upper).to_owned());
         rows.push(row);
     }
     csv_of(rows)
+}
+
+/// Whether a deviation falls with the square root of the number of grains, by the confidence interval of its power. An interval that holds 0 as well
+/// cannot tell.
+fn holds_half_power(lower: f64, upper: f64) -> &'static str {
+    match (lower..=upper).contains(&-0.5) {
+        true if upper >= 0.0 => "undecided",
+        true => "yes",
+        false => "no",
+    }
 }
 
 /// Statistics and powers for the screen.
@@ -227,4 +237,16 @@ fn aligned(rows: &[Vec<String>]) -> String {
         text.push('\n');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wide_intervals_tell_nothing_about_the_power() {
+        let found = [(-0.7, -0.4), (-1.5, 0.3), (-0.3, 0.1), (-0.5, 0.0)]
+            .map(|(lower, upper)| holds_half_power(lower, upper));
+        assert_eq!(found, ["yes", "undecided", "no", "undecided"]);
+    }
 }

@@ -52,3 +52,21 @@ fn marked_files_are_read_and_an_angle_of_friction_is_noted() {
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(said.contains("the tangent of the angle, not the angle"), "{said}");
 }
+
+/// Walls and stages of a specimen have a coefficient of their own, and a sweep hands over values that stand in no file.
+#[test]
+fn an_angle_of_friction_is_noted_wherever_it_stands() {
+    let input = InputFolder::new();
+    let path = "packing = \"discs-100.json\"\n[contact]\nmodulus = 1e8\nstiffness_ratio = 0.5\nfriction = 0.5\n\
+                [[path]]\nincrements = 1\nstrain = { yy = -1e-4, xx = 0.0 }\n";
+    fs::write(input.path("path.toml"), path).unwrap();
+    let output =
+        input.grainspan(&["element", "path.toml", "--sweep", "contact.friction=0.3,30", "--out", "sweep.csv"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(
+        said.matches("--sweep contact.friction=30: contact.friction = 30 is the coefficient").count(),
+        1,
+        "{said}"
+    );
+    assert_eq!(said.matches("the tangent of the angle").count(), 1, "{said}");
+}

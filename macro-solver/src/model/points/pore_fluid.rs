@@ -31,13 +31,18 @@ impl Point {
         Some(0.0 - bulk_modulus * (formulation.log_volume(&self.trial_deformation) - reference))
     }
 
-    /// Energy that the pore fluid holds at the latest evaluation, J per m3 of the present volume: the work that has brought it to its
-    /// excess pressure; 0 where it drains.
+    /// Energy that the pore fluid holds at the latest evaluation, J per m3 of the present volume, with small strains of the initial one: the
+    /// work that has brought it to its excess pressure; 0 where it drains.
     pub(crate) fn fluid_energy(&self, formulation: Formulation) -> f64 {
         let (Some(fluid), Some(pressure)) = (self.fluid, self.pore_pressure(formulation)) else { return 0.0 };
-        // The integral of K ln(V / V0) over the volume, V (p / K - 1) + V0 times K.
         let strain = pressure / fluid.bulk_modulus;
-        fluid.bulk_modulus * (strain.exp_m1() - strain)
+        match formulation {
+            Formulation::SmallStrain => 0.5 * fluid.bulk_modulus * strain.powi(2),
+            // The integral of K ln(V / V0) over the volume, V (p / K - 1) + V0 times K.
+            Formulation::TotalLagrangian | Formulation::UpdatedLagrangian | Formulation::Corotational => {
+                fluid.bulk_modulus * (strain.exp_m1() - strain)
+            }
+        }
     }
 
     /// A Cauchy stress of the grains with the pressure of the fluid added, Pa.

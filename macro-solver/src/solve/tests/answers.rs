@@ -45,7 +45,7 @@ fn only_refusals_of_the_target_are_tried_again_with_a_smaller_step() {
     let ended = |reason: RveError| {
         let mut spy = Spy::new(elastic(ElasticLaw::SmallStrain, &problem));
         let mut calls = 0;
-        spy.refuse = Box::new(move |trials| {
+        spy.refuse = Box::new(move |_, trials| {
             calls += 1;
             let refused = trials.iter().find(|trial| calls > 1 && trial.target.0.iter().any(|value| *value != 0.0));
             refused.map(|trial| MaterialError::Point { point: trial.point, reason: reason.clone() })

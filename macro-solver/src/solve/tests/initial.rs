@@ -41,6 +41,18 @@ fn a_ground_at_rest_needs_no_step_to_be_in_balance() {
     }
 }
 
+/// The deviation was infinite, which no summary can hold.
+#[test]
+fn a_stress_of_zero_may_be_expected() {
+    let (mut problem, rest) = layer(ElementKind::Q4);
+    problem.initial.expected = Some(InitialStress::Uniform([[0.0; 3]; 3]));
+    let (loaded, _) = run(&problem, &mut start(&problem, &rest));
+    assert!(matches!(loaded.outcome, Outcome::Completed), "{:?}", loaded.outcome);
+    assert_eq!(loaded.statistics.initial_deviation, 1.0);
+    let (bare, _) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+    assert_eq!(bare.statistics.initial_deviation, 0.0);
+}
+
 #[test]
 fn what_is_out_of_balance_is_told_and_equilibrated_or_refused() {
     let (mut problem, rest) = layer(ElementKind::Q8);

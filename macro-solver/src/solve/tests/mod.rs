@@ -48,6 +48,7 @@ struct Recorder {
     reactions: Vec<[f64; 3]>,
     points: Vec<PointFields>,
     hourglass_energy: f64,
+    fluid_energy: f64,
 }
 
 impl Observer for Recorder {
@@ -64,7 +65,7 @@ impl Observer for Recorder {
         self.displacements = fields.displacements.to_vec();
         self.reactions = fields.reactions.to_vec();
         self.points = fields.points.to_vec();
-        self.hourglass_energy = fields.hourglass_energy;
+        (self.hourglass_energy, self.fluid_energy) = (fields.hourglass_energy, fields.fluid_energy);
         Ok(())
     }
 
@@ -73,8 +74,8 @@ impl Observer for Recorder {
     }
 }
 
-/// Decides whether an evaluation fails.
-type Refusal = Box<dyn FnMut(&[PointTrial]) -> Option<MaterialError>>;
+/// Decides whether an evaluation fails, from the number of commits before it and what it asks for.
+type Refusal = Box<dyn FnMut(usize, &[PointTrial]) -> Option<MaterialError>>;
 
 /// An elastic material that remembers what it was asked and may refuse.
 struct Spy {
@@ -86,7 +87,7 @@ struct Spy {
 
 impl Spy {
     fn new(inner: ElasticMaterial) -> Self {
-        Self { inner, trials: vec![Vec::new()], commits: 0, refuse: Box::new(|_| None) }
+        Self { inner, trials: vec![Vec::new()], commits: 0, refuse: Box::new(|_, _| None) }
     }
 
     /// The trial of each point that stood when step `step` was committed.
@@ -102,7 +103,7 @@ impl Spy {
 
 impl PointMaterial for Spy {
     fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
-        if let Some(error) = (self.refuse)(trials) {
+        if let Some(error) = (self.refuse)(self.commits, trials) {
             return Err(error);
         }
         self.trials[self.commits].extend_from_slice(trials);

@@ -98,6 +98,9 @@ fn small_strain_adds_the_stiffness_of_the_fluid() {
         assert!((point.pore_pressure.unwrap() / (0.03 * BULK_MODULUS) - 1.0).abs() < 1e-9);
     }
     assert!(record.steps.iter().all(|step| step.iterations <= 2));
+    // Per initial volume, of 2 x 3 m.
+    let energy = 0.5 * BULK_MODULUS * 0.03f64.powi(2) * 6.0;
+    assert!((record.fluid_energy / energy - 1.0).abs() < 1e-9, "{} for {energy} J", record.fluid_energy);
 }
 
 /// Where forces balance loosely, what is left of an error is mostly that of the pore pressure; it counts in the error that is stated.

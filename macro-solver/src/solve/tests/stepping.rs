@@ -94,7 +94,7 @@ fn a_limit_that_no_step_passes_ends_in_failure_with_everything_before_it_kept() 
     let reached = Rc::new(Cell::new(1.0));
     let largest = Rc::clone(&reached);
     // Refuses everything once the first step is in.
-    brittle.refuse = Box::new(move |trials| {
+    brittle.refuse = Box::new(move |_, trials| {
         let compressed = trials[0].target.get(1, 1).abs() > 0.0 && largest.get() < 0.0;
         largest.set(largest.get() - 0.1);
         let reason = RveError::NotFinite { force_evaluations: 7 };
@@ -112,13 +112,34 @@ fn a_limit_that_no_step_passes_ends_in_failure_with_everything_before_it_kept() 
     assert_eq!(brittle.commits, record.steps.len() - 1);
 }
 
+/// A step between one and one and a half of the smallest steps before the end of the path was cut back to itself for ever.
+#[test]
+fn a_last_step_that_cannot_be_cut_back_fails() {
+    // With 0.4 the first half of the path bears, the second does not: steps taken, cut back.
+    for (min, expected) in [(0.7, [0, 0]), (0.9, [0, 0]), (0.4, [1, 1])] {
+        let mut problem = compression(-0.4);
+        let control = &mut problem.stages[0].control;
+        (control.increments, control.min, control.stabilisation) = (1, min, None);
+        let mut brittle = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+        brittle.refuse = Box::new(move |commits, trials| {
+            let reason = RveError::NotFinite { force_evaluations: 7 };
+            let largest = trials.iter().map(|trial| trial.target.get(1, 1).abs()).fold(0.0, f64::max);
+            let limit = if min < 0.5 && commits == 0 { 0.15 } else { 0.0 };
+            (largest > limit).then_some(MaterialError::Point { point: 3, reason })
+        });
+        let (failed, record) = run(&problem, &mut brittle);
+        assert!(matches!(failed.outcome, Outcome::DidNotConverge { .. }), "{min}: {:?}", failed.outcome);
+        assert_eq!([record.steps.len() - 1, record.cut_backs.len()], expected, "{min}");
+    }
+}
+
 /// Grains that did not come to rest within their step cap cost a smaller step; the log says how far they got.
 #[test]
 fn grains_that_do_not_come_to_rest_cost_a_cut_back_and_are_counted() {
     let problem = compression(-0.4);
     let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
     let mut first = true;
-    spy.refuse = Box::new(move |trials| {
+    spy.refuse = Box::new(move |_, trials| {
         let reason = RveError::NotEquilibrated {
             strain: 0.5 * trials[0].target.get(1, 1).abs(),
             target: trials[0].target.get(1, 1).abs(),
@@ -146,7 +167,7 @@ fn interruption_and_lost_workers_end_the_run_as_such() {
     let outcome_of = |make: fn() -> MaterialError| {
         let mut spy = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
         let mut calls = 0;
-        spy.refuse = Box::new(move |_| {
+        spy.refuse = Box::new(move |_, _| {
             calls += 1;
             (calls == 5).then(make)
         });

@@ -357,13 +357,8 @@ impl FrameRve {
 
     /// Void area over grain area of one period of all copies: grains on the boundary count once.
     fn void_ratio(&self, state: &GrainState<Discs>) -> f64 {
-        let mut seen = vec![false; self.geometry.distinct];
-        let mut solid = 0.0;
-        for (original, radius) in self.geometry.images_of.iter().zip(&self.geometry.radii) {
-            if !std::mem::replace(&mut seen[*original], true) {
-                solid += Discs::grain_measure(*radius);
-            }
-        }
+        let solid: f64 =
+            self.geometry.distinct_places().map(|place| Discs::grain_measure(self.geometry.radii[place])).sum();
         (state.cell.measure() - solid) / solid
     }
 
@@ -397,7 +392,8 @@ impl FrameRve {
             observed.frictional_dissipation = state.dissipation / volume;
         }
         if wanted.contains(Observables::ROTATION) {
-            let mean = state.rotations.iter().sum::<f64>() / state.rotations.len() as f64;
+            let sum: f64 = self.geometry.distinct_places().map(|place| state.rotations[place]).sum();
+            let mean = sum / self.geometry.distinct as f64;
             observed.mean_rotation = [0.0, 0.0, mean];
         }
         observed

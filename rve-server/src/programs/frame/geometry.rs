@@ -64,6 +64,13 @@ pub struct FrameGeometry {
 }
 
 impl FrameGeometry {
+    /// Numbers of the grains that are no images of each other: of images the first.
+    pub(super) fn distinct_places(&self) -> impl Iterator<Item = usize> + '_ {
+        let mut seen = vec![false; self.distinct];
+        let mut is_first = move |original: usize| !std::mem::replace(&mut seen[original], true);
+        (0..self.images_of.len()).filter(move |place| is_first(self.images_of[*place]))
+    }
+
     /// Cuts a frame out of a packing.
     ///
     /// # Errors

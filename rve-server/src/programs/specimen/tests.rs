@@ -63,6 +63,20 @@ fn run_until<S: SpecimenSpace>(dynamics: &mut Dynamics<S, PlainLinear>, time: f6
     }
 }
 
+/// A wall that is drawn off by more than the reach of its list within one step kept its contacts for ever.
+#[test]
+fn a_wall_that_leaves_at_once_has_no_contacts() {
+    let mut lying = on_incline::<Discs>(0.0, 0.3, 0.0);
+    lying.advance();
+    assert_eq!(lying.walls[0].contacts(), 1);
+    lying.walls[0].drive = WallDrive::Velocity(-1e6);
+    for _ in 0..2 {
+        lying.advance();
+    }
+    assert_eq!(lying.walls[0].contacts(), 0);
+    assert_eq!(lying.contacts.contacts, 0);
+}
+
 /// C-13: a grain set down sliding ends rolling at 5/7 (sphere) or 2/3 (disc) of its speed, after 2 v / (7 mu g) or
 /// v / (3 mu g).
 #[test]

@@ -134,14 +134,15 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         self.slid = self.glide.scaled_plus(step, self.slid);
     }
 
-    /// Lists the grains that may touch before the next renewal: those within `skin`.
+    /// Lists the grains that may touch before the next renewal: those within `skin`, and those that have left it since they touched last,
+    /// whose contacts have yet to open.
     pub(crate) fn list(&mut self, grains: &[Grain<S>], skin: f64) {
         self.near.clear();
         for (index, grain) in grains.iter().enumerate() {
-            if grain.position.minus(self.point).dot(self.normal) < grain.radius + skin
-                && self.glued.binary_search(&(index as u32)).is_err()
-            {
-                self.near.push(index as u32);
+            let number = index as u32;
+            let is_near = self.gap(grain) < skin || self.slots.contains_key(&number);
+            if is_near && self.glued.binary_search(&number).is_err() {
+                self.near.push(number);
             }
         }
         self.travelled = 0.0;
