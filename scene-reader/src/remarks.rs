@@ -18,6 +18,9 @@ const LEFT_OUT: f64 = 0.05;
 /// Moments between two steps at which a history without a table is looked at.
 const BETWEEN_STEPS: usize = 32;
 
+/// Share of the shortest waves of a mesh below which averages leave too little of them: where cells differ, the strains of points are off by half.
+const LEAST_WAVES_LEFT: f64 = 0.02;
+
 /// All remarks, one line each, none twice.
 pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
     let mut remarks = loose_tolerances(problem);
@@ -26,6 +29,7 @@ pub(super) fn remarks_on(problem: &Problem) -> Vec<String> {
     remarks.extend(problem.mesh.seams().iter().map(not_joined));
     for stage in &problem.stages {
         remarks.extend(averages_of_nothing(problem, stage));
+        remarks.extend(averages_without_own_share(problem, stage));
         remarks.extend(turns_between_steps(problem, stage));
         remarks.extend(absorbing_sides_that_are_held(problem, stage));
         remarks.extend(supports_that_move_far(problem, stage));
@@ -81,14 +85,25 @@ fn loose_tolerances(problem: &Problem) -> Vec<String> {
         .collect()
 }
 
-/// Elements that cannot keep their volume at all points while they change their shape: with pore fluid they are far too stiff.
+/// Elements that cannot keep their volume at all points while they change their shape: with pore fluid they are far too stiff, or right in the mean
+/// only.
 fn volumetric_locking(problem: &Problem) -> Option<String> {
     problem.pore_fluid?;
-    let locks = |kind: &ElementKind| !kind.is_quadratic() && !kind.needs_hourglass_control();
-    let kind = problem.mesh.kinds_present().into_iter().find(locks)?;
+    let is_linear = |kind: &ElementKind| !kind.is_quadratic() && !kind.needs_hourglass_control();
+    let is_full = |kind: &ElementKind| matches!(kind, ElementKind::Q8Full | ElementKind::H20Full);
+    let present = || problem.mesh.kinds_present().into_iter();
+    if let Some(kind) = present().find(is_linear) {
+        return Some(format!(
+            "pore fluid makes elements `{}` lock: pressures are far too high; take elements with mid-side nodes or one point",
+            kind.keyword()
+        ));
+    }
+    let kind = present().find(is_full)?;
+    let reduced = if kind == ElementKind::Q8Full { ElementKind::Q8 } else { ElementKind::H20 };
     Some(format!(
-        "pore fluid makes elements `{}` lock: pressures are far too high; take elements with mid-side nodes or one point",
-        kind.keyword()
+        "pore pressures alternate between the points of elements `{}`, the more the stiffer the fluid, and only their means are right; take `{}`",
+        kind.keyword(),
+        reduced.keyword()
     ))
 }
 
@@ -137,6 +152,17 @@ fn averages_of_nothing(problem: &Problem, stage: &Stage) -> Option<String> {
     })
 }
 
+/// Averages over so many points that strains which alternate from element to element are hardly left: equilibrium between cells that differ
+/// then needs ever larger ones (docs/concepts/theory.md, section 7).
+fn averages_without_own_share(problem: &Problem, stage: &Stage) -> Option<String> {
+    let left = problem.shortest_waves_left(stage).filter(|left| *left < LEAST_WAVES_LEFT)?;
+    Some(format!(
+        "{}nonlocal.radius reaches over so many elements that only {left:.1e} of strains which alternate between neighbours is left in the \
+         averages: where cells differ, strains of single points grow as the mesh gets finer; take nonlocal.local_share = 0.1",
+        beginning(problem, stage)
+    ))
+}
+
 /// Prescribed displacements larger than the body: most likely another unit, and otherwise no element survives them.
 fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
     let nodes = &problem.mesh.nodes;
@@ -147,12 +173,16 @@ fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
     let dimension = problem.mesh.dimension.count();
     let size = (0..dimension).map(extent).fold(0.0, f64::max);
     let prescribed = problem.prescribed_displacements(stage).ok()?;
-    let apart = |axis: usize| {
-        let values = prescribed.iter().skip(axis).step_by(dimension).flatten().map(|given| given.value);
+    // Of a velocity or an acceleration the history has the displacement for a value of 1, which may be largest at any time.
+    let moments: Vec<f64> = (0..=BETWEEN_STEPS).map(|number| number as f64 / BETWEEN_STEPS as f64).collect();
+    let apart = |axis: usize, load: f64| {
+        let given = prescribed.iter().skip(axis).step_by(dimension).flatten();
+        let [least, most] = range(given.map(|given| given.value * given.history.factor(stage.moment(load))));
         // What is carried along as a whole may go anywhere.
-        values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
+        most - least
     };
-    let apart = (0..dimension).map(apart).fold(0.0, f64::max);
+    let axes = (0..dimension).flat_map(|axis| moments.iter().map(move |load| (axis, *load)));
+    let apart = axes.map(|(axis, load)| apart(axis, load)).fold(0.0, f64::max);
     (apart >= size).then(|| {
         let of_stage = beginning(problem, stage);
         format!(
@@ -363,6 +393,27 @@ mod tests {
     }
 
     #[test]
+    fn averages_that_leave_nothing_of_short_waves_are_told() {
+        let told = |more: &str| {
+            let fine = ["mesh.element=q4_single", "mesh.elements=[10, 20]", "solver.formulation=corotational", more];
+            let found = remarks(&fine);
+            found.iter().any(|remark| remark.contains("take nonlocal.local_share = 0.1"))
+        };
+        assert!(told("nonlocal={ radius = 0.05 }") && !told("nonlocal={ radius = 0.01 }"));
+        assert!(!told("nonlocal={ radius = 0.05, local_share = 0.1 }"));
+        assert!(!told("nonlocal={ radius = 0.05, adjoint = true }"));
+    }
+
+    #[test]
+    fn elements_that_cannot_keep_their_volume_are_told() {
+        let told =
+            |element: &str| remarks(&[&format!("mesh.element={element}"), "pore_fluid={ bulk_modulus = 1e9 }"]);
+        assert!(told("q4")[0].contains("`q4` lock"));
+        assert!(told("q8_full")[0].contains("take `q8`"));
+        assert_eq!([told("q8"), told("t6"), told("q4_single")].concat(), Vec::<String>::new());
+    }
+
+    #[test]
     fn supports_that_move_farther_than_the_body_is_large_are_told() {
         let moved = |top: f64| {
             let held = "{ set = 'bottom', displacement = { x = 0.0, y = 0.1 } }";
@@ -372,6 +423,15 @@ mod tests {
         let far = moved(-0.1);
         assert!(far.len() == 1 && far[0].starts_with("supports move by 2e-1 m"), "{far:?}");
         assert_eq!(moved(0.095), Vec::<String>::new(), "the body is carried along");
+        let driven = |velocity: f64| {
+            let boundary = format!("[{{ set = 'right', velocity = {{ x = {velocity} }} }}]");
+            let loading = "loading = { duration = 1e-3 }";
+            remarks(&[&format!(
+                "stage=[{{ name = 'still' }}, {{ name = 'push', procedure = 'dynamic', boundary = {boundary}, {loading} }}]"
+            )])
+        };
+        let told = |remarks: Vec<String>| remarks.iter().any(|remark| remark.contains("supports move by"));
+        assert!(told(driven(-500.0)) && !told(driven(-0.5)), "0.5 m and 0.5 mm");
     }
 
     #[test]

@@ -188,6 +188,12 @@ impl Body {
         geometry
     }
 
+    /// Side of the square or cube with the volume of an element, m; `geometry` is that of all points.
+    pub(crate) fn length_of(&self, element: usize, geometry: &[PointGeometry]) -> f64 {
+        let volume: f64 = self.points_of(element).map(|number| geometry[number].volume).sum();
+        volume.powf(1.0 / self.mesh.dimension.count() as f64)
+    }
+
     /// Geometry on which stresses are integrated at the committed state.
     pub(crate) fn settled_geometry(&self) -> &[PointGeometry] {
         match self.formulation.integration() {

@@ -57,10 +57,8 @@ pub(crate) fn limits(laws: &ElementLaws<'_>, constraints: &Constraints, masses: 
     let is_driven = constraints.free().is_empty();
     let is_prescribed = |dof: usize| !is_driven && constraints.is_prescribed(dof);
     let of_element = |element: usize| {
-        let viscous = |number: usize| {
-            let length = body.settled_geometry()[number].volume.powf(1.0 / body.mesh().dimension.count() as f64);
-            laws.viscosity_of(element).moduli(laws.stiffness[number], length)
-        };
+        let length = body.length_of(element, body.settled_geometry());
+        let viscous = |number: usize| laws.viscosity_of(element).moduli(laws.stiffness[number], length);
         let total = |number: usize| laws.points.all()[number].total(body.formulation()).moduli;
         let is_viscous = !laws.viscosity.is_none();
         let (springs, dampers) = laws.hourglass_factors(element);

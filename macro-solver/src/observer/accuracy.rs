@@ -3,6 +3,9 @@
 use crate::material::error_estimate::ErrorEstimate;
 use serde::{Deserialize, Serialize};
 
+/// Estimated error over the pressure above which a step is counted where none was asked for.
+pub const LARGE_ERROR: f64 = 0.05;
+
 /// Change of the stresses that the next correction of Newton's method would bring by the tangents at hand: what an accepted step
 /// leaves of an error because forces balance within a tolerance only. Relative to the largest mean pressure of the body so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -49,7 +52,7 @@ pub struct AccuracyFigures {
     pub largest_rms: f64,
     /// Sum of the squares of all steps' root mean squares.
     squares: f64,
-    /// Steps whose estimated error is above `rve.error`.
+    /// Steps whose estimated error is above `rve.error` or, in runs that keep to none, above [`LARGE_ERROR`].
     pub missed_steps: u64,
     /// Smallest and largest strain per ramp step.
     pub strain_per_step: [f64; 2],
@@ -79,7 +82,7 @@ impl AccuracyFigures {
         self.last = estimate;
         self.largest_rms = self.largest_rms.max(estimate.rms);
         self.squares += estimate.rms * estimate.rms;
-        self.missed_steps += u64::from(wanted.is_some_and(|wanted| estimate.rms > wanted));
+        self.missed_steps += u64::from(estimate.rms > wanted.unwrap_or(LARGE_ERROR));
     }
 
     /// Root mean square over the steps.
@@ -120,5 +123,19 @@ mod tests {
             [since(&known), since(&nothing), since(&nothing), since(&known)],
             [0, 1, 2, 0].map(|steps| (steps, 2e-3))
         );
+    }
+
+    #[test]
+    fn large_errors_count_with_and_without_a_wanted_one() {
+        let of = |rms| StepAccuracy {
+            estimate: Some(ErrorEstimate { points: 1, rms, ..ErrorEstimate::default() }),
+            ..StepAccuracy::default()
+        };
+        let missed = |wanted| {
+            let mut figures = AccuracyFigures::default();
+            [2e-3, 8e-3, 0.2].into_iter().for_each(|rms| figures.add(&of(rms), wanted));
+            figures.missed_steps
+        };
+        assert_eq!([missed(Some(5e-3)), missed(Some(0.1)), missed(None)], [2, 1, 1]);
     }
 }

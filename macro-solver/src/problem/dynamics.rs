@@ -36,7 +36,7 @@ struct StepKeys {
     /// Share of the critical step of the fastest element.
     #[schemars(extend("x-unit" = "-", "x-default" = "0.9", "exclusiveMinimum" = 0, "x-instead-of" = "time_step"), range(max = 1.0))]
     safety: Option<f64>,
-    /// A fixed step. It is not limited; above the stable step of the elements a run is warned of, and stopped by the energy monitor once its
+    /// A fixed step, shortened so that a whole number of them fills the stage. It is not limited; above the stable step of the elements a run is warned of, and stopped by the energy monitor once its
     /// balance is off in four instants in a row, or by a tenth of the largest energy.
     #[schemars(extend("x-unit" = "s", "exclusiveMinimum" = 0, "x-instead-of" = "safety"))]
     time_step: Option<f64>,
@@ -128,8 +128,8 @@ pub struct RayleighDamping {
 }
 
 /// Viscous pressure against changes of volume, which spreads a shock over some elements and calms the fastest modes:
-/// `rho l (b1 c_p + b2^2 l |D|) D` with the rate of volume change `D` and the root `l` of a point's volume; the second
-/// term acts in compression only (von Neumann and Richtmyer 1950, Landshoff 1955).
+/// `rho l (b1 c_p + b2^2 l |D|) D` with the rate of volume change `D` and the length `l` of an element, the root of its
+/// volume; the second term acts in compression only (von Neumann and Richtmyer 1950, Landshoff 1955).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct BulkViscosity {

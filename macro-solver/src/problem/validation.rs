@@ -152,6 +152,16 @@ impl Problem {
         NonlocalOperator::unchecked(&places, &volumes, &periods, settings).is_ok_and(|found| found.is_identity())
     }
 
+    /// What the averages of a stage leave of the shortest waves of the mesh, at the place where it is least; `None` without averages, and with those
+    /// that the stresses are averaged with as well.
+    pub fn shortest_waves_left(&self, stage: &Stage) -> Option<f64> {
+        let settings = stage.nonlocal.as_ref().filter(|settings| !settings.adjoint)?;
+        let periods = self.periods(stage).unwrap_or_default();
+        let (places, volumes) = (point_places(&self.mesh), point_volumes(&self.mesh));
+        let averages = NonlocalOperator::unchecked(&places, &volumes, &periods, settings).ok()?;
+        Some(averages.smallest_symbol().1)
+    }
+
     /// The named node set.
     ///
     /// # Errors

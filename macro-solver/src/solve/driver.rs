@@ -229,7 +229,8 @@ impl<'a> Solver<'a> {
     /// Whether the stage ends at this share of its path and the present load factor.
     pub(super) fn ends_stage(&self, stage_fraction: f64) -> bool {
         let reaches_load = matches!(self.stage().control.path, PathControl::ArcLength { .. });
-        stage_fraction >= 1.0 || (reaches_load && self.load >= 1.0)
+        // The load factor is the sum of what steps have added, and rounds.
+        stage_fraction >= 1.0 || (reaches_load && self.load >= 1.0 - 1e-9)
     }
 
     /// Saves the accepted step.

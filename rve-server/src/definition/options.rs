@@ -112,7 +112,7 @@ pub struct RveOptions {
     #[schemars(extend("x-unit" = "-", "x-default" = "by `accuracy`"), range(min = 1e-10))]
     pub strain_per_step: Option<f64>,
     /// Error of the stress over the pressure that a run keeps to. It chooses the tolerance, and the strain per ramp step from load
-    /// step to load step by the estimated error, between 0.4 and twice the value it starts with. Takes the place of
+    /// step to load step by the estimated error, between 0.4 and twice the value it starts with, and at most 2e-5. Takes the place of
     /// `accuracy`, `strain_per_step` and `tolerance`. A scene of implicit stages that names none of the four keeps to 5e-3, unless its
     /// solver is `event_driven`. Element tests estimate no error: there it stands for the strain per step and the tolerance that such a run
     /// starts with.
@@ -167,6 +167,10 @@ pub struct RveOptions {
     #[serde(serialize_with = "OperatorOptions::with_old_names")]
     pub operator: OperatorOptions,
 }
+
+/// Largest strain per ramp step that an error may choose. Above, errors no longer grow with it, so that half of it shows little of them
+/// (docs/lab-book/error-estimate.md), and little is saved.
+const LARGEST_BY_ERROR: f64 = 2e-5;
 
 impl RveOptions {
     /// Checks every key.
@@ -240,7 +244,7 @@ impl RveOptions {
     /// Strain per ramp step in force; with `error` the one that a run starts with.
     pub fn strain_per_step(&self) -> f64 {
         self.strain_per_step.unwrap_or(match (self.error, self.accuracy) {
-            (Some(error), _) => 1e-3 * error,
+            (Some(error), _) => (1e-3 * error).min(LARGEST_BY_ERROR),
             (None, Accuracy::Draft) => 5e-6,
             (None, Accuracy::Default) => 1e-6,
             (None, Accuracy::Tight) => 1e-7,
@@ -274,7 +278,8 @@ impl RveOptions {
     /// Smallest and largest strain per ramp step that `error` may choose. Beyond, the response to an increment is so rough that Newton's
     /// method takes twice the evaluations (docs/lab-book/error-estimate.md).
     pub fn strain_per_step_bounds(&self) -> [f64; 2] {
-        [0.4 * self.strain_per_step(), 2.0 * self.strain_per_step()]
+        let start = self.strain_per_step();
+        [0.4 * start, (2.0 * start).min(LARGEST_BY_ERROR.max(start))]
     }
 
     /// Coefficient of local damping in force.

@@ -48,7 +48,7 @@ mod tests {
         let found = remarks(&Node::from(&DeTable::parse(text).unwrap()));
         let texts: Vec<&str> =
             found.iter().map(|(_, remark)| remark.split(" is the").next().unwrap_or_default()).collect();
-        assert_eq!(texts, ["contact.friction = 30", "walls.friction = 25", "stage.friction = 3.5"]);
+        assert_eq!(texts, ["contact.friction = 30", "stage.friction = 3.5", "walls.friction = 25"]);
         assert!(found.iter().all(|(span, _)| text[span.clone()].parse::<f64>().is_ok()));
     }
 }

@@ -22,8 +22,11 @@ const LARGEST_ADDED_MASS: f64 = 0.05;
 /// Where the counters are explained.
 const EXPLAINED: &str = "see docs/reference/counters.md";
 
-/// The estimated error in words.
-fn accuracy(accuracy: &AccuracySummary) -> String {
+/// Error with the balance of forces over that without, from which on both are told.
+const BALANCE_COUNTS: f64 = 1.1;
+
+/// The estimated error in words; the part of the balance of forces, which has a line of its own, as independent of it.
+fn accuracy(accuracy: &AccuracySummary, balance: Option<&BalanceSummary>) -> String {
     let AccuracySummary { points, smallest_strain_per_step: smallest, largest_strain_per_step: largest, .. } =
         accuracy;
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
@@ -41,11 +44,19 @@ fn accuracy(accuracy: &AccuracySummary) -> String {
         0 => String::new(),
         steps => format!(" {steps} step(s) before the end, where the last followed cell lost its load"),
     };
+    let [own, of_mean] = [accuracy.estimated_error, accuracy.estimated_error_of_mean];
+    let [left, left_of_mean] = balance.map_or([0.0; 2], |balance| [balance.error, balance.error_of_mean]);
+    let [all, all_of_mean] = [own.hypot(left), of_mean.hypot(left_of_mean)];
+    let with_balance = if all > BALANCE_COUNTS * own || all_of_mean > BALANCE_COUNTS * of_mean {
+        format!(" ({} and {} with the balance)", percent(all), percent(all_of_mean))
+    } else {
+        String::new()
+    };
     format!(
-        "estimated error {} of the pressure at a point, {} of the mean stress{until}{wanted}; {strain}; {points} solved once more, which \
-         adds {} to the work",
-        percent(accuracy.estimated_error),
-        percent(accuracy.estimated_error_of_mean),
+        "estimated error {} of the pressure at a point, {} of the mean stress{with_balance}{until}{wanted}; {strain}; {points} solved once \
+         more, which adds {} to the work",
+        percent(own),
+        percent(of_mean),
         percent(accuracy.share_of_force_evaluations),
     )
 }
@@ -77,6 +88,7 @@ pub(super) fn closing_lines(
         (false, true) => "step 0 found no equilibrium",
         (false, false) => "step 0 equilibrated it",
     };
+    let in_accuracy = |found: &AccuracySummary| accuracy(found, summary.balance.as_ref());
     let mut lines = vec![
         (
             "evaluations",
@@ -102,7 +114,7 @@ pub(super) fn closing_lines(
                 100.0 * slowest.share_of_force_evaluations
             ),
         ),
-        ("accuracy", summary.accuracy.as_ref().map_or_else(|| "error not estimated".to_owned(), accuracy)),
+        ("accuracy", summary.accuracy.as_ref().map_or_else(|| "error not estimated".to_owned(), in_accuracy)),
         ("balance", summary.balance.as_ref().map_or_else(|| "not known".to_owned(), balance)),
         ("worker time", worker_time(summary)),
         (

@@ -51,7 +51,7 @@ pub(crate) const COUNTERS: [Counter; 49] = [
     counter("stabilisation_increments", LookAtThis, "stabilisation increment*"),
     counter("continued_by_another_build", LookAtThis, "continuation* by another build"),
     counter("checkpoints_failed", LookAtThis, "failed checkpoint*"),
-    counter("error_above_wanted", LookAtThis, "step* with an estimated error above rve.error"),
+    counter("error_above_wanted", LookAtThis, "step* with an estimated error above rve.error, or 5 % without it"),
     counter("replicas_lost", LookAtThis, "replica* given up"),
     counter("stabilisation_evaluations", Harmless, "evaluation* in stabilisation"),
     counter("committed_iterates", Harmless, "committed iterate*"),

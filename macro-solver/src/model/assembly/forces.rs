@@ -86,6 +86,7 @@ impl ElementLaws<'_> {
             hourglass: Vec::new(),
             hourglass_energy: 0.0,
         };
+        let length = self.body.length_of(element, motion.geometry);
         for number in self.body.points_of(element) {
             let (point, geometry) = (&self.points.all()[number], &motion.geometry[number]);
             let stress = averaged.map_or(point.response.stress, |stresses| stresses[number]);
@@ -93,7 +94,6 @@ impl ElementLaws<'_> {
             add_force(dimension, geometry, nodes.len(), &stress, &mut part.internal);
             if is_viscous {
                 let rate = self.rate(nodes, geometry, motion.velocity, &point.deformation);
-                let length = geometry.volume.powf(1.0 / dimension as f64);
                 let stress = self.viscosity_of(element).stress(self.stiffness[number], length, &rate);
                 add_force(dimension, geometry, nodes.len(), &point.nominal(formulation, &stress), &mut part.viscous);
             }

@@ -32,7 +32,7 @@ impl Viscosity {
         self.stiffness == 0.0 && self.bulk == BulkViscosity::default()
     }
 
-    /// Stress, Pa, of the rate of deformation `rate` (1/s) in a point of size `length` (m).
+    /// Stress, Pa, of the rate of deformation `rate` (1/s) in an element of size `length` (m).
     pub(crate) fn stress(&self, moduli: Isotropic, length: f64, rate: &Matrix3<f64>) -> Matrix3<f64> {
         let trace = rate.trace();
         let compression = (-trace).max(0.0);

@@ -36,6 +36,8 @@ pub(crate) struct Point {
     pub(super) ramp_steps: u32,
     /// Share by which the friction of the coming evaluations is below that of the definition.
     pub(super) friction_reduction: f64,
+    /// That of the latest evaluation.
+    pub(super) answered_reduction: f64,
     /// Gradient of the latest evaluation and the tangent that came with it, as long as they are valid.
     pub(super) held: Option<(Matrix3<f64>, TangentKind)>,
     pub(super) last_sample: Option<Sample>,
@@ -65,6 +67,7 @@ impl Point {
             reference: None,
             ramp_steps: 0,
             friction_reduction: 0.0,
+            answered_reduction: 0.0,
             held: None,
             last_sample: None,
             correction: None,
@@ -122,9 +125,10 @@ impl Point {
     pub(super) fn rests(&self, gradient: &Matrix3<f64>, strain: Option<Matrix3<f64>>, tangent: TangentKind) -> bool {
         let zero = Matrix3::zeros();
         let is_still = *gradient == zero && strain.is_none_or(|strain| strain == zero);
-        // With less friction than that of the definition a state need not be one of rest.
+        // With less friction than that of the definition a state need not be one of rest, and more friction ends sliding.
         tangent == TangentKind::None
             && self.friction_reduction == 0.0
+            && self.answered_reduction == 0.0
             && is_still
             && self.answer.is_some()
             && self.trial_deformation == self.deformation
@@ -145,6 +149,7 @@ impl Point {
     ) {
         self.trial_deformation = formulation.deformation(&self.deformation, gradient);
         self.held = Some((*gradient, tangent));
+        self.answered_reduction = self.friction_reduction;
         self.answer = Some(answer);
     }
 }

@@ -128,6 +128,24 @@ fn a_body_that_bears_less_friction_takes_every_step_at_once() {
     assert_eq!((top.0.len(), cut_backs, stagnated_steps), (9, 0, 0));
 }
 
+/// Points that are held everywhere have no strain that would ask them again: their answers were those of the friction before.
+#[test]
+fn points_at_rest_are_asked_again_once_their_friction_is_whole() {
+    for procedure in [Procedure::Implicit, Procedure::Relaxation(RelaxationSettings::default())] {
+        let mut problem = pulled_bar();
+        problem.stages.remove(2);
+        for stage in &mut problem.stages {
+            stage.procedure = procedure.clone();
+            let held = [Axis::X, Axis::Y].map(|axis| Applied::from(Condition::fixed("all", axis)));
+            stage.conditions.splice(0..3, held);
+        }
+        let mut material = softened(&problem);
+        let outcome = solve(&problem, &mut material, &mut Top::default()).outcome;
+        assert!(matches!(outcome, Outcome::Completed), "{procedure:?}: {outcome:?}");
+        assert_eq!(material.alteration.reductions, vec![0.0; problem.point_count()], "{procedure:?}");
+    }
+}
+
 /// Explicit steps ask with the friction of their end; the last one with that of the stage's end.
 #[test]
 fn motion_asks_with_the_friction_of_the_instant() {

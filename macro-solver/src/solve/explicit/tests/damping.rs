@@ -49,8 +49,8 @@ fn rayleigh_damping_has_its_two_rates() {
 fn bulk_viscosity_has_its_rate_and_leaves_shear_alone() {
     let viscosity = BulkViscosity { linear: 0.3, quadratic: 0.0 };
     let (ratio, energy) = decay(RayleighDamping::default(), viscosity, 5.0);
-    // A point of a 2x2 element stands for a quarter of its area.
-    let (wave, length): (f64, f64) = (PI / 10.0, 0.25);
+    // Elements, not points: those of the bar are twice as long as their points are apart.
+    let (wave, length): (f64, f64) = (PI / 10.0, 0.5);
     let rate = 0.5 * 0.3 * length * 2.0 * wave * wave;
     assert!((ratio.ln() / -(rate * 45.0) - 1.0).abs() < 0.02, "{ratio}");
     let quantity = "residual of the energy balance, vibrating bar with bulk viscosity";
