@@ -4,7 +4,7 @@ use crate::material::error_estimate::ErrorEstimate;
 use serde::{Deserialize, Serialize};
 
 /// Estimated error over the pressure above which a step is counted where none was asked for.
-pub const LARGE_ERROR: f64 = 0.05;
+const LARGE_ERROR: f64 = 0.05;
 
 /// Change of the stresses that the next correction of Newton's method would bring by the tangents at hand: what an accepted step
 /// leaves of an error because forces balance within a tolerance only. Relative to the largest mean pressure of the body so far.
@@ -52,7 +52,7 @@ pub struct AccuracyFigures {
     pub largest_rms: f64,
     /// Sum of the squares of all steps' root mean squares.
     squares: f64,
-    /// Steps whose estimated error is above `rve.error` or, in runs that keep to none, above [`LARGE_ERROR`].
+    /// Steps whose estimated error is above `rve.error` or, in runs that keep to none, above 5 %.
     pub missed_steps: u64,
     /// Smallest and largest strain per ramp step.
     pub strain_per_step: [f64; 2],
