@@ -1,6 +1,7 @@
 //! Messages of the conversation that are not jobs or replies; MessagePack on every transport.
 
-use crate::engine::{Capabilities, Definition};
+use crate::capabilities::Capabilities;
+use crate::engine::Definition;
 use crate::identity::DefinitionId;
 use serde::{Deserialize, Serialize};
 

@@ -5,13 +5,14 @@
 //! unnoticed: a test compares the description that ships with the adapters with the one that this module makes.
 
 use crate::PROTOCOL_VERSION;
-use crate::engine::{TangentKind, TrialFlags};
 use crate::observed::Observables;
 use crate::snapshot::SNAPSHOT_FORMAT;
+use crate::tangent_kind::TangentKind;
 use crate::transport::frame::{FrameHeader, FrameKind, MAGIC};
 use crate::transport::shared_memory::ICEORYX2_VERSION;
 use crate::transport::shared_memory::services::{EXCHANGE, TO_MACRO, TO_WORKER};
 use crate::transport::shared_memory::{CREDITS, WINDOW};
+use crate::trial::TrialFlags;
 use crate::wire::{ReplyStatus, TrialJob, TrialReply};
 use bytemuck::Zeroable;
 use serde_json::{Value, json};

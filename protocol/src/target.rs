@@ -1,6 +1,6 @@
 //! Which target deformations make sense for every engine. How large one may be is for the engine to say.
 
-use crate::engine::RveError;
+use crate::rve_error::RveError;
 use crate::tensor::Tensor2;
 
 /// Refuses a target `H = F - I` that no engine can follow. `dimension` is that of the packing, 2 or 3.

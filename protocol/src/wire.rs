@@ -4,10 +4,12 @@
 //! solve several RVEs side by side. In a message, the array of [`TrialJob`] is followed by the snapshots it carries,
 //! in job order; likewise [`TrialReply`] by snapshots and error texts.
 
-use crate::engine::{Cost, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult};
 use crate::identity::{DefinitionId, StateId};
 use crate::observed::{Observables, Observed};
+use crate::rve_error::RveError;
+use crate::tangent_kind::TangentKind;
 use crate::tensor::{Tensor2, Tensor4};
+use crate::trial::{Cost, Scalars, TrialFlags, TrialOptions, TrialResult};
 use bytemuck::{Pod, Zeroable};
 use xxhash_rust::xxh3::Xxh3;
 

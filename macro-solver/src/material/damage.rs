@@ -8,8 +8,8 @@
 use crate::checkpoint::{Archive, CheckpointError};
 use crate::formulation::tensor::{Operator, column, matrix, tensor, wire_operator};
 use crate::material::PointTrial;
-use crate::material::elastic::isotropic_moduli;
 use crate::material::trial_states::{ClosedForm, TrialStates};
+use crate::model::assembly::isotropic::isotropic_moduli;
 use nalgebra::Matrix3;
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult};
 

@@ -22,15 +22,6 @@ pub enum ElasticLaw {
     SaintVenant,
 }
 
-/// `lambda delta_ij delta_kl + G (delta_ik delta_jl + delta_il delta_jk)`, Pa.
-pub fn isotropic_moduli(lambda: f64, shear: f64) -> Operator {
-    Operator::from_fn(|row, column| {
-        let (i, j, k, l) = (row / 3, row % 3, column / 3, column % 3);
-        let delta = |a: usize, b: usize| f64::from(u8::from(a == b));
-        lambda * delta(i, j) * delta(k, l) + shear * (delta(i, k) * delta(j, l) + delta(i, l) * delta(j, k))
-    })
-}
-
 /// Isotropic elasticity at every point. In the plane strain has no component along z, so the law is plane strain;
 /// the stress along z is answered too.
 #[derive(Clone, Debug)]

@@ -2,8 +2,8 @@
 
 use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
 use crate::material::PointTrial;
-use crate::material::elastic::isotropic_moduli;
 use crate::material::trial_states::{ClosedForm, TrialStates};
+use crate::model::assembly::isotropic::isotropic_moduli;
 use nalgebra::{DMatrix, Matrix3};
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialResult};
 

@@ -13,14 +13,14 @@ use nalgebra::Vector3;
 pub(crate) struct Loads {
     dimension: usize,
     degrees_of_freedom: usize,
-    followers: Vec<Follower>,
+    followers: Vec<FollowerPressure>,
     /// Forces that keep their direction, one for each history.
     dead: Vec<(Amplitude, Vec<f64>)>,
 }
 
 /// A pressure on one side that turns and stretches with it.
 #[derive(Clone, Debug)]
-struct Follower {
+struct FollowerPressure {
     dimension: usize,
     nodes: Vec<usize>,
     shapes: &'static [SideShape],
@@ -63,7 +63,7 @@ impl Loads {
 
     fn add_pressure(&mut self, mesh: &Mesh, sides: &[Side], pressure: f64, kind: PressureKind, history: &Amplitude) {
         for &side in sides {
-            let follower = Follower {
+            let follower = FollowerPressure {
                 dimension: self.dimension,
                 nodes: mesh.side_nodes(side),
                 shapes: side_shapes(mesh.kinds[side.element].side_kind()),
@@ -147,7 +147,7 @@ impl Loads {
     }
 }
 
-impl Follower {
+impl FollowerPressure {
     /// Adds `-p integral N n da`.
     fn add_force(&self, positions: &[[f64; 3]], factor: f64, force: &mut [f64]) {
         for shape in self.shapes {

@@ -1,9 +1,10 @@
 //! The driver of a run: stage after stage, step after step, whatever the procedure.
 //!
 //! A load step starts from the last committed configuration and requests from every Gauss point the stress at the total
-//! displacement gradient of the step. Nothing of an iterate survives into the next but displacements: every
+//! displacement gradient of the step; points that a step does not deform, or whose target is that of their latest answer, are not asked. Every
 //! evaluation restarts from the committed state, so the accepted state does not depend on the iterations that led to
-//! it, except through the choice of the ramp. Exceptions are steps whose iterations do not contract, which go on from an
+//! it, except through the choice of the ramp. What iterations leave behind (kept tangents, secant corrections of points, quasi-Newton pairs, the last
+//! correction) changes how the next iterates and steps are found, not what they have to fulfil. Exceptions are steps whose iterations do not contract, which go on from an
 //! iterate that is committed, and stabilised ones. A step is accepted when all criteria hold that its stage has chosen
 //! ([`crate::problem::Tolerances`]), is cut back when it does not converge, and the run ends with a reason when the
 //! smallest step does not.
@@ -11,11 +12,12 @@
 use super::accepted::{AcceptedState, Attempted, Converged, Counters, Followed, LastStep};
 use super::equations::Equations;
 use super::explicit::{Handover, Integrator};
-use super::linear_solver::{LinearSolver, norm};
+use super::linear_solver::LinearSolver;
 use super::newton::path::PathConstraint;
 use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
 use super::procedure::{LoadStepMethod, StageMethod};
+use super::vectors::norm;
 use crate::checkpoint::{CheckpointStore, NoCheckpoints, Progress};
 use crate::material::PointMaterial;
 use crate::model::assembly::balance::Balance;

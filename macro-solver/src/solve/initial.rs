@@ -1,7 +1,7 @@
 //! The check of the stress that the points start with, before any load step.
 
 use super::driver::Solver;
-use super::newton::ResidualNorms;
+use super::residual_norms::ResidualNorms;
 use crate::problem::{ForceMeasure, InitialLimits};
 use thiserror::Error;
 

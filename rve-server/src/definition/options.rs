@@ -154,8 +154,9 @@ pub struct RveOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "-", "x-default" = "1e-5", "exclusiveMinimum" = 0))]
     pub largest_event_increment: Option<f64>,
-    /// Whether cells are solved several at a time, in the lanes of the processor, where relaxation takes a quarter of the time: what
-    /// `solver = "event_driven"` has to save. It answers fewer trials then, where contacts change their modes often.
+    /// Whether `solver = "event_driven"` compares its cost with that of relaxation of several cells at a time, in the lanes of the processor,
+    /// which takes a quarter of the time. It then hands more trials over: those in which contacts change their modes often. Lanes themselves are
+    /// switched by `pool.lanes`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-default" = "true in scenes with eight Gauss points or more"))]
     pub side_by_side: Option<bool>,

@@ -24,7 +24,7 @@ pub(crate) struct PoolTable {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub(crate) struct PoolRunKeys {
-    /// Whether a worker solves the trials of one RVE side by side in SIMD lanes. Without, a message holds one trial, whatever
+    /// Whether a worker solves trials of cells side by side in SIMD lanes. Without, a message holds one trial, whatever
     /// `jobs_per_message` says; the bits are the same.
     pub(crate) lanes: bool,
     /// How macro solver and workers wait for messages; `--wait` overrides it.

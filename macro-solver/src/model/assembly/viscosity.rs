@@ -1,8 +1,7 @@
 //! Viscous stresses in the elements: stiffness-proportional damping and bulk viscosity.
 
-use super::isotropic::Isotropic;
+use super::isotropic::{Isotropic, isotropic_moduli};
 use crate::formulation::Operator;
-use crate::material::elastic::isotropic_moduli;
 use crate::problem::dynamics::{BulkViscosity, RayleighDamping};
 use nalgebra::Matrix3;
 

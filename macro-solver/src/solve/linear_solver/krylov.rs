@@ -3,7 +3,7 @@
 //! For large spatial meshes, where the fill of a direct factorization grows with the 4/3 power of the unknowns. The
 //! matrix is given by columns, as the direct solver keeps it. One thread and a fixed order: reproducible to the bit.
 
-use super::dot;
+use crate::solve::vectors::{add, dot};
 
 /// Columns of a square sparse matrix with a symmetric pattern and sorted rows.
 #[derive(Clone, Copy)]
@@ -152,10 +152,4 @@ pub(in crate::solve) fn solve(
         }
     }
     None
-}
-
-fn add(vector: &mut [f64], factor: f64, change: &[f64]) {
-    for (value, change) in vector.iter_mut().zip(change) {
-        *value += factor * change;
-    }
 }

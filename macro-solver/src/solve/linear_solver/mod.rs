@@ -10,6 +10,7 @@ use crate::model::assembly::block::{Block, BlockDofs};
 use crate::model::constraints::Constraints;
 use crate::problem::EquationSolver;
 use crate::solve::linear_solver::krylov::{Columns, IncompleteFactors};
+use crate::solve::vectors::norm;
 use faer::prelude::Solve;
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
@@ -350,16 +351,6 @@ fn direct(factors: &Lu<usize, f64>, right: &[f64]) -> Vec<f64> {
     let mut solution = faer::Col::from_fn(right.len(), |row| right[row]);
     factors.solve_in_place(solution.as_mut());
     solution.iter().copied().collect()
-}
-
-/// Product of two vectors of equal length, summed in order.
-pub(super) fn dot(one: &[f64], other: &[f64]) -> f64 {
-    one.iter().zip(other).map(|(one, other)| one * other).sum()
-}
-
-/// Euclidean norm, summed in order.
-pub(super) fn norm(vector: &[f64]) -> f64 {
-    vector.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The correction of an evaluated iterate: condensed stiffness, its factors, quasi-Newton pairs.
 
-use super::largest_component;
 use crate::solve::driver::{Solver, timed};
+use crate::solve::evaluation::largest_component;
 use crate::solve::linear_solver::LinearSolverError;
 
 impl Solver<'_> {

@@ -7,7 +7,7 @@ use crate::model::friction::Frictions;
 use crate::observer::{Convergence, IterationReport};
 use crate::solve::accepted::Converged;
 use crate::solve::driver::{Session, Solver};
-use crate::solve::linear_solver::norm;
+use crate::solve::vectors::norm;
 use protocol::TangentKind;
 
 /// Prescribed motion over the extent of the body, and change of the loads over the loads, below which nothing changes.

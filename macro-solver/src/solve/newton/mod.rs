@@ -9,29 +9,18 @@ mod idle;
 pub(in crate::solve) mod path;
 mod prediction;
 pub(in crate::solve) mod quasi_newton;
-mod residual_norms;
 pub(in crate::solve) mod tangent_update;
 
 use super::accepted::{Attempted, Converged, Unfinished};
-use super::driver::{Session, Solver, timed};
-use super::linear_solver::norm;
+use super::driver::{Session, Solver};
+use super::evaluation::largest_component;
 use super::procedure::LoadStepMethod;
 use crate::model::failure::Failure;
 use crate::observer::{Convergence, IterationReport};
-use crate::problem::{ConvergenceMeasures, DisplacementMeasure};
+use crate::problem::ConvergenceMeasures;
 use globalisation::Globalisation;
-use nalgebra::Matrix3;
 use path::PathConstraint;
-use protocol::TangentKind;
-pub(in crate::solve) use residual_norms::ResidualNorms;
 use thiserror::Error;
-
-/// A correction below this share of the displacements so far is round-off: a step in which nothing moves converges.
-const ROUND_OFF: f64 = 1e-12;
-
-/// In stages in which nothing changes but friction: corrections below this share of the extent of the body are round-off. A body that bears
-/// the change has no displacement that its corrections could be compared with.
-const UNMOVED: f64 = 1e-9;
 
 /// Out-of-balance force over reactions and loads up to which an iterate is committed.
 const LARGEST_IMBALANCE: f64 = 0.1;
@@ -289,40 +278,6 @@ impl Solver<'_> {
         }
     }
 
-    /// Convergence measures of an iterate whose next correction is `correction`.
-    pub(super) fn convergence_measures(
-        &self,
-        force: f64,
-        iterate: &[f64],
-        correction: &[f64],
-        full_step: f64,
-    ) -> ConvergenceMeasures {
-        let size = match self.stage().tolerances.criteria.displacement {
-            Some(DisplacementMeasure::Step) => norm(iterate),
-            Some(DisplacementMeasure::FullStep) | None => full_step * norm(iterate),
-        };
-        let least = if self.stage().changes_friction_alone() {
-            UNMOVED * self.body.extent() * (correction.len() as f64).sqrt()
-        } else {
-            0.0
-        };
-        let round_off = least.max(ROUND_OFF * norm(&self.body.displacements));
-        let work = |forces: &[f64], along: &[f64]| {
-            forces.iter().zip(along).map(|(force, along)| force * along).sum::<f64>().abs()
-        };
-        let energy = work(&self.balance.residual(), correction);
-        ConvergenceMeasures {
-            force,
-            displacement: ratio(norm(correction), size, round_off),
-            energy: if energy == 0.0 { 0.0 } else { energy / work(&self.balance.internal, iterate) },
-        }
-    }
-
-    /// Displacement gradients of an increment as they are sent to the points.
-    pub(super) fn gradients(&self, increment: &[f64]) -> Vec<Matrix3<f64>> {
-        self.points.rounded(self.body.gradients(increment))
-    }
-
     /// The report of an iterate of which nothing is known yet.
     pub(super) fn blank_report(&self, load: f64, iteration: usize) -> IterationReport {
         IterationReport {
@@ -367,77 +322,4 @@ impl Solver<'_> {
         }
         Ok(Err(Rejection::Growth { force_ratio: report.force_ratio }))
     }
-
-    /// Evaluates all points at an iterate and assembles forces and stiffness.
-    pub(super) fn evaluate(
-        &mut self,
-        increment: &[f64],
-        load: f64,
-        session: &mut Session<'_>,
-    ) -> Result<ResidualNorms, Failure> {
-        let kind = self.tangents.kind(self.tangent_kind);
-        self.points.let_secants_hold(self.tangents.is_smooth());
-        let norms = self.balance_at(increment, load, kind, session)?;
-        self.tangents.evaluated();
-        Ok(norms)
-    }
-
-    /// Evaluates all points at an iterate, with these tangents, and assembles the balance.
-    fn balance_at(
-        &mut self,
-        increment: &[f64],
-        load: f64,
-        tangent: TangentKind,
-        session: &mut Session<'_>,
-    ) -> Result<ResidualNorms, Failure> {
-        let evaluations = self.evaluate_points(increment, load, tangent, session)?;
-        let moment = self.moment(load);
-        self.balance = timed(&mut self.statistics.assembly_nanoseconds, || {
-            self.body.balance(increment, &self.points, &self.loads, moment)
-        });
-        Ok(self.residual_norms(evaluations))
-    }
-
-    /// Evaluates all points at an iterate, with the friction at a load factor; the number of evaluations.
-    pub(super) fn evaluate_points(
-        &mut self,
-        increment: &[f64],
-        load: f64,
-        tangent: TangentKind,
-        session: &mut Session<'_>,
-    ) -> Result<u64, Failure> {
-        let gradients = self.gradients(increment);
-        if let Some(point) = self.body.inverted_point(&gradients, &self.body.geometry(increment)) {
-            let element = self.body.element_of(point);
-            return Err(Failure::Attempt(format!("element {element} is turned inside out at Gauss point {point}")));
-        }
-        self.points.set_friction(&self.frictions.reductions(self.moment(load)));
-        let mut waiting = 0;
-        let counts =
-            timed(&mut waiting, || self.points.evaluate(&gradients, tangent, session.material, &mut self.statistics));
-        self.statistics.material_nanoseconds += waiting;
-        Ok(counts?.evaluated)
-    }
-
-    /// Norms of the assembled balance.
-    pub(super) fn residual_norms(&self, evaluations: u64) -> ResidualNorms {
-        let largest_forces = self.statistics.largest_forces;
-        ResidualNorms::of(&self.balance, &self.constraints, self.body.extent(), largest_forces, evaluations)
-    }
-
-    /// Size of a full step over that of the step to `stage_fraction`; 1 for the initial equilibrium, which has no size.
-    pub(super) fn full_step(&self, stage_fraction: f64) -> f64 {
-        let size = stage_fraction - self.stage_fraction;
-        if size > 0.0 { 1.0 / (self.stage().control.increments as f64 * size) } else { 1.0 }
-    }
-}
-
-/// Largest component of any of the displacement gradients.
-pub(super) fn largest_component(gradients: &[Matrix3<f64>]) -> f64 {
-    gradients.iter().map(Matrix3::amax).fold(0.0, f64::max)
-}
-
-/// A ratio that is 0 when nothing is left to correct.
-fn ratio(correction: f64, step: f64, round_off: f64) -> f64 {
-    if correction <= round_off { 0.0 } else { correction / step }
 }

@@ -9,7 +9,8 @@ use crate::observer::Outcome;
 use crate::problem::{Axis, Moment, PathControl, Predictor, Problem, ProblemError, Stage};
 use crate::solve::accepted::LastStep;
 use crate::solve::driver::Solver;
-use crate::solve::linear_solver::{LinearSolverError, dot, norm};
+use crate::solve::linear_solver::LinearSolverError;
+use crate::solve::vectors::{dot, norm};
 
 /// Half the change of the load factor from which its direction is taken; histories are piecewise smooth.
 const LOAD_CHANGE: f64 = 1e-6;

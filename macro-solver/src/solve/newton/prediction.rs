@@ -4,7 +4,7 @@ use crate::model::failure::Failure;
 use crate::problem::Predictor;
 use crate::solve::accepted::LastStep;
 use crate::solve::driver::Solver;
-use crate::solve::linear_solver::norm;
+use crate::solve::vectors::norm;
 
 /// A step repeats no more than this many times the share of the last one that goes with its size: supports that hardly moved in the last
 /// step, or loads that hardly changed, predict nothing.

@@ -4,7 +4,7 @@
 //! out-of-balance force that came with it. Pairs of earlier steps stay, up to a number; a failed attempt drops them all.
 
 use crate::problem::QuasiNewton;
-use crate::solve::linear_solver::dot;
+use crate::solve::vectors::{add, difference, dot};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -105,16 +105,6 @@ impl Memory {
         let fits = pairs.iter().all(|pair| pair.step.len() == unknowns && pair.force.len() == unknowns);
         self.pairs = pairs.into();
         fits
-    }
-}
-
-fn difference(one: &[f64], other: &[f64]) -> Vec<f64> {
-    one.iter().zip(other).map(|(one, other)| one - other).collect()
-}
-
-fn add(into: &mut [f64], share: f64, what: &[f64]) {
-    for (value, what) in into.iter_mut().zip(what) {
-        *value += share * what;
     }
 }
 

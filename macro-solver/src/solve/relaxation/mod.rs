@@ -7,14 +7,10 @@ mod headway;
 mod motion;
 
 use super::accepted::{Attempted, Converged};
-use super::driver::{Session, Solver, timed};
-use super::linear_solver::norm;
-use super::newton::ResidualNorms;
+use super::driver::{Session, Solver};
 use super::procedure::LoadStepMethod;
+use super::vectors::{difference, norm, sum};
 use crate::element::mass::{Lumping, lumped_masses};
-use crate::model::assembly::balance::Balance;
-use crate::model::assembly::forces::{ElementLaws, Motion};
-use crate::model::assembly::viscosity::Viscosity;
 use crate::model::failure::Failure;
 use crate::model::stable_step::limits;
 use crate::observer::{Convergence, IterationReport};
@@ -269,48 +265,6 @@ impl Solver<'_> {
         if stiffest > 0.0 { pushed * self.body.extent() / (volume * stiffest) } else { 0.0 }
     }
 
-    /// Evaluates all points at an iterate and assembles forces alone.
-    fn evaluate_forces(
-        &mut self,
-        iterate: &[f64],
-        load: f64,
-        session: &mut Session<'_>,
-    ) -> Result<ResidualNorms, Failure> {
-        let evaluations = self.evaluate_points(iterate, load, TangentKind::None, session)?;
-        let mut assembling = 0;
-        self.balance = timed(&mut assembling, || self.forces_at(iterate, load));
-        self.statistics.assembly_nanoseconds += assembling;
-        Ok(self.residual_norms(evaluations))
-    }
-
-    /// Forces at an iterate that the points have evaluated.
-    pub(super) fn forces_at(&self, iterate: &[f64], load: f64) -> Balance {
-        let positions = self.body.positions(iterate);
-        let displacements = sum(&self.body.displacements, iterate);
-        let forces = self.element_laws().forces(Motion {
-            geometry: &self.body.integration_geometry(&positions),
-            displacements: &displacements,
-            velocity: &self.body.zero(),
-        });
-        Balance {
-            internal: sum(&forces.internal, &forces.hourglass),
-            external: self.loads.force(&positions, self.moment(load)),
-            blocks: Vec::new(),
-            hourglass_energy: forces.hourglass_energy,
-        }
-    }
-
-    fn element_laws(&self) -> ElementLaws<'_> {
-        ElementLaws {
-            body: &self.body,
-            points: &self.points,
-            stiffness: &[],
-            viscosity: Viscosity::NONE,
-            densities: &[],
-            hourglass: self.problem.hourglass,
-        }
-    }
-
     fn report_iteration(
         &self,
         load: f64,
@@ -330,12 +284,4 @@ impl Solver<'_> {
             rejected: false,
         });
     }
-}
-
-fn sum(first: &[f64], second: &[f64]) -> Vec<f64> {
-    first.iter().zip(second).map(|(first, second)| first + second).collect()
-}
-
-fn difference(first: &[f64], second: &[f64]) -> Vec<f64> {
-    first.iter().zip(second).map(|(first, second)| first - second).collect()
 }

@@ -19,9 +19,10 @@ mod path;
 
 use super::accepted::{Converged, Counters, Followed};
 use super::driver::{Session, Solver, is_smallest};
-use super::linear_solver::{LinearSolverError, dot, norm};
+use super::linear_solver::LinearSolverError;
 use super::newton::tangent_update::TangentUpdater;
 use super::procedure::LoadStepMethod;
+use super::vectors::{dot, norm};
 use crate::material::MaterialError;
 use crate::model::assembly::balance::Balance;
 use crate::model::body::Body;

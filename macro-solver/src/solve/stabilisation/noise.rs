@@ -4,7 +4,7 @@
 //! larger is the correction that this share brings about, over the displacements of the step, and no iteration and no smaller step takes it
 //! away. It does not fall, and unlike the motion of a body that gives way it turns from increment to increment.
 
-use crate::solve::linear_solver::{dot, norm};
+use crate::solve::vectors::{dot, norm};
 
 /// Share of the least correction so far that one below it has to have.
 const GAIN: f64 = 0.9;

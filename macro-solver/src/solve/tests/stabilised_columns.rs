@@ -6,7 +6,7 @@ use super::*;
 use crate::formulation::Formulation;
 use crate::formulation::tensor::{column, matrix, tensor, wire_operator};
 use crate::material::PointId;
-use crate::material::elastic::isotropic_moduli;
+use crate::model::assembly::isotropic::isotropic_moduli;
 use crate::observer::Outcome;
 use crate::problem::{Platen, Stabilisation};
 use nalgebra::Matrix3;

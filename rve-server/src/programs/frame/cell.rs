@@ -318,7 +318,7 @@ impl FrameRve {
         let mut relaxation = self.relaxation(state);
         let sums = relaxation.contacts();
         let network = relaxation.network(state, self.thickness, self.law.friction);
-        let nominal = relaxation.first_piola(self.thickness);
+        let nominal = relaxation.boundary_first_piola(self.thickness);
         // F of the committed state relative to the frame as cut: Y = F Y0 for both cell vectors.
         let total = plane::product(
             &plane::transpose(&state.cell.rows),

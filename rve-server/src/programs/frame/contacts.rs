@@ -61,7 +61,7 @@ impl FrameRelaxation<'_, PlainLinear> {
 
     /// `(1/V) sum a_q x X_q` over the boundary grains, [Liu2018] eq. 14: first Piola stress relative to the frame as cut,
     /// Pa. The boundary forces balance the contact forces.
-    pub(super) fn first_piola(&mut self, thickness: f64) -> Plane {
+    pub(super) fn boundary_first_piola(&mut self, thickness: f64) -> Plane {
         let mut sum = [[0.0; 2]; 2];
         let scale = -1.0 / (self.geometry.area * thickness);
         for (load, place) in self.body.loads.iter().zip(&self.geometry.positions).take(self.geometry.boundary) {

@@ -1,9 +1,9 @@
 //! Norms of the out-of-balance force, and of the forces that it is measured by.
 
+use super::vectors::norm;
 use crate::model::assembly::balance::Balance;
 use crate::model::constraints::Constraints;
 use crate::problem::{ForceMeasure, Tolerances};
-use crate::solve::linear_solver::norm;
 
 /// Relative displacement whose force is the least that reactions are taken for: it keeps round-off from looking like imbalance where they vanish.
 const NO_DISPLACEMENT: f64 = 1e-9;
@@ -13,15 +13,15 @@ const NO_DISPLACEMENT: f64 = 1e-9;
 const LEAST_FORCES: f64 = 1e-2;
 
 /// Norms of the out-of-balance force of an evaluated iterate and of the forces that it is measured by.
-pub(in crate::solve) struct ResidualNorms {
+pub(super) struct ResidualNorms {
     /// Points evaluated.
-    pub(in crate::solve) evaluations: u64,
+    pub(super) evaluations: u64,
     /// Norm of the out-of-balance force at free degrees of freedom, N, in the plane per metre.
-    pub(in crate::solve) residual: f64,
+    pub(super) residual: f64,
     /// Norm of the reactions or of the loads, whichever is larger, and at least [`LEAST_FORCES`] of what they were, N, in the plane per metre.
-    pub(in crate::solve) scale: f64,
+    pub(super) scale: f64,
     /// Norm of the reactions, at least as much, N, in the plane per metre.
-    pub(in crate::solve) reactions: f64,
+    pub(super) reactions: f64,
 }
 
 impl ResidualNorms {
@@ -48,12 +48,12 @@ impl ResidualNorms {
 
     /// Out-of-balance over the forces that the criteria of a stage name. A stage whose criteria leave the forces out reports the ratio
     /// too, and iterations that grow are recognised by it: it is then that of the default measure.
-    pub(in crate::solve) fn force_ratio(&self, tolerances: &Tolerances) -> f64 {
+    pub(super) fn force_ratio(&self, tolerances: &Tolerances) -> f64 {
         self.ratio(tolerances.criteria.force.unwrap_or_default())
     }
 
     /// Out-of-balance over the forces that a measure names.
-    pub(in crate::solve) fn ratio(&self, measure: ForceMeasure) -> f64 {
+    pub(super) fn ratio(&self, measure: ForceMeasure) -> f64 {
         let scale = match measure {
             ForceMeasure::Largest => self.scale,
             ForceMeasure::Reactions => self.reactions,
