@@ -157,8 +157,8 @@ fn averages_of_nothing(problem: &Problem, stage: &Stage) -> Option<String> {
 fn averages_without_own_share(problem: &Problem, stage: &Stage) -> Option<String> {
     let left = problem.shortest_waves_left(stage).filter(|left| *left < LEAST_WAVES_LEFT)?;
     Some(format!(
-        "{}nonlocal.radius reaches over so many elements that only {left:.1e} of strains which alternate between neighbours is left in the \
-         averages: where cells differ, strains of single points grow as the mesh gets finer; take nonlocal.local_share = 0.1",
+        "{}nonlocal.radius reaches over several elements, and only {left:.1e} of strains that alternate between neighbours is left in the averages: \
+         where cells differ, strains of single points grow as the mesh gets finer; take nonlocal.local_share = 0.1",
         beginning(problem, stage)
     ))
 }
