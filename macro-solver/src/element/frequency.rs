@@ -50,8 +50,8 @@ pub fn critical_step(frequency: f64, damping_ratio: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::element::mass::{Lumping, lumped_masses};
+    use crate::formulation::tensor::isotropic_moduli;
     use crate::mesh::block::Block;
-    use crate::model::assembly::isotropic::isotropic_moduli;
     use claims::Claim;
 
     /// Of an element whose nodes are all free.

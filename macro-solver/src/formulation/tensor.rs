@@ -48,3 +48,12 @@ pub fn unit(pair: usize) -> Matrix3<f64> {
     unit[(pair / 3, pair % 3)] = 1.0;
     unit
 }
+
+/// `lambda delta_ij delta_kl + G (delta_ik delta_jl + delta_il delta_jk)`, Pa.
+pub(crate) fn isotropic_moduli(lambda: f64, shear: f64) -> Operator {
+    Operator::from_fn(|row, column| {
+        let (i, j, k, l) = (row / 3, row % 3, column / 3, column % 3);
+        let delta = |a: usize, b: usize| f64::from(u8::from(a == b));
+        lambda * delta(i, j) * delta(k, l) + shear * (delta(i, k) * delta(j, l) + delta(i, l) * delta(j, k))
+    })
+}

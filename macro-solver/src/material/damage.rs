@@ -6,10 +6,10 @@
 //! linear elasticity in rate form, exact to rounding for strains of any size.
 
 use crate::checkpoint::{Archive, CheckpointError};
+use crate::formulation::tensor::isotropic_moduli;
 use crate::formulation::tensor::{Operator, column, matrix, tensor, wire_operator};
 use crate::material::PointTrial;
 use crate::material::trial_states::{ClosedForm, TrialStates};
-use crate::model::assembly::isotropic::isotropic_moduli;
 use nalgebra::Matrix3;
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialOptions, TrialResult};
 

@@ -1,9 +1,9 @@
 //! Elastic points whose stress ratio is limited by friction, for the stress that a body has before its grains exist.
 
+use crate::formulation::tensor::isotropic_moduli;
 use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
 use crate::material::PointTrial;
 use crate::material::trial_states::{ClosedForm, TrialStates};
-use crate::model::assembly::isotropic::isotropic_moduli;
 use nalgebra::{DMatrix, Matrix3};
 use protocol::{Cost, Observed, RveError, Scalars, TangentKind, TrialFlags, TrialResult};
 

@@ -77,6 +77,14 @@ impl MaterialError {
         )
     }
 
+    /// Force evaluations that a refused trial has taken, as far as it says.
+    pub fn force_evaluations(&self) -> u64 {
+        match self {
+            Self::Point { reason, .. } => reason.force_evaluations(),
+            Self::Interrupted | Self::DefinitionRefused(_) | Self::WorkersLost(_) | Self::Channel(_) => 0,
+        }
+    }
+
     /// Whether the grains of a point did not come to rest within their step cap.
     pub fn is_unfinished_trial(&self) -> bool {
         matches!(self, Self::Point { reason: protocol::RveError::NotEquilibrated { .. }, .. })

@@ -117,8 +117,3 @@ impl Solver<'_> {
         }
     }
 }
-
-/// Largest component of any of the displacement gradients.
-pub(super) fn largest_component(gradients: &[Matrix3<f64>]) -> f64 {
-    gradients.iter().map(Matrix3::amax).fold(0.0, f64::max)
-}

@@ -1,5 +1,7 @@
 //! Sums and products of vectors over degrees of freedom, in the order of these: the same bits on every machine.
 
+use nalgebra::Matrix3;
+
 /// Scalar product.
 pub(super) fn dot(one: &[f64], other: &[f64]) -> f64 {
     one.iter().zip(other).map(|(one, other)| one * other).sum()
@@ -25,4 +27,9 @@ pub(super) fn add(into: &mut [f64], share: f64, what: &[f64]) {
     for (value, what) in into.iter_mut().zip(what) {
         *value += share * what;
     }
+}
+
+/// Largest component of any of the displacement gradients.
+pub(super) fn largest_component(gradients: &[Matrix3<f64>]) -> f64 {
+    gradients.iter().map(Matrix3::amax).fold(0.0, f64::max)
 }

@@ -36,18 +36,10 @@ impl Isotropic {
     }
 }
 
-/// `lambda delta_ij delta_kl + G (delta_ik delta_jl + delta_il delta_jk)`, Pa.
-pub(crate) fn isotropic_moduli(lambda: f64, shear: f64) -> Operator {
-    Operator::from_fn(|row, column| {
-        let (i, j, k, l) = (row / 3, row % 3, column / 3, column % 3);
-        let delta = |a: usize, b: usize| f64::from(u8::from(a == b));
-        lambda * delta(i, j) * delta(k, l) + shear * (delta(i, k) * delta(j, l) + delta(i, l) * delta(j, k))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formulation::tensor::isotropic_moduli;
 
     #[test]
     fn isotropic_moduli_are_their_own_projection() {

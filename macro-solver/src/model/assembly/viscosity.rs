@@ -1,7 +1,8 @@
 //! Viscous stresses in the elements: stiffness-proportional damping and bulk viscosity.
 
-use super::isotropic::{Isotropic, isotropic_moduli};
+use super::isotropic::Isotropic;
 use crate::formulation::Operator;
+use crate::formulation::tensor::isotropic_moduli;
 use crate::problem::dynamics::{BulkViscosity, RayleighDamping};
 use nalgebra::Matrix3;
 

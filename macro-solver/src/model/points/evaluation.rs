@@ -103,7 +103,7 @@ impl Points {
             return Ok(counts);
         }
         let answers = answers(self, &mut trials, statistics).map_err(|error| {
-            statistics.unfinished_trials += u64::from(error.is_unfinished_trial());
+            count_refused(&error, statistics);
             failure(error)
         })?;
         assert_eq!(answers.len(), trials.len(), "a material answers every trial");
@@ -250,6 +250,12 @@ impl Points {
         point.last_sample = sample;
         moduli
     }
+}
+
+/// Counts a refused trial and its cost; what other trials of its message have taken is not known.
+pub(super) fn count_refused(error: &MaterialError, statistics: &mut Statistics) {
+    statistics.unfinished_trials += u64::from(error.is_unfinished_trial());
+    statistics.cost.force_evaluations += error.force_evaluations();
 }
 
 fn inside_out(number: usize) -> Failure {

@@ -2,6 +2,7 @@
 //! dynamics.
 
 use super::Points;
+use super::evaluation::count_refused;
 use crate::formulation::tensor::{matrix, tensor};
 use crate::material::{MaterialError, PointMaterial, PointTrial};
 use crate::observer::Statistics;
@@ -35,7 +36,7 @@ impl Points {
                 MaterialError::Point { point, .. } if error.is_curable_by_smaller_step() => *point,
                 _ => return Err(error),
             };
-            statistics.unfinished_trials += u64::from(error.is_unfinished_trial());
+            count_refused(&error, statistics);
             material.rollback();
             let Some(trial) = trials.iter_mut().find(|trial| trial.point == refused) else { return Err(error) };
             if !self.goes_part_of_the_way(trial, material, statistics)? {
@@ -67,7 +68,7 @@ impl Points {
                     return Ok(true);
                 }
                 Err(error) if error.is_curable_by_smaller_step() => {
-                    statistics.unfinished_trials += u64::from(error.is_unfinished_trial());
+                    count_refused(&error, statistics);
                     material.rollback();
                     share *= 0.5;
                 }

@@ -1,8 +1,8 @@
 //! The correction of an evaluated iterate: condensed stiffness, its factors, quasi-Newton pairs.
 
 use crate::solve::driver::{Solver, timed};
-use crate::solve::evaluation::largest_component;
 use crate::solve::linear_solver::LinearSolverError;
+use crate::solve::vectors::largest_component;
 
 impl Solver<'_> {
     /// The correction of the evaluated iterate, zero at prescribed degrees of freedom: Newton's, with the tangents of the

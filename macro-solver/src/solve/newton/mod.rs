@@ -13,8 +13,8 @@ pub(in crate::solve) mod tangent_update;
 
 use super::accepted::{Attempted, Converged, Unfinished};
 use super::driver::{Session, Solver};
-use super::evaluation::largest_component;
 use super::procedure::LoadStepMethod;
+use super::vectors::largest_component;
 use crate::model::failure::Failure;
 use crate::observer::{Convergence, IterationReport};
 use crate::problem::ConvergenceMeasures;

@@ -2,8 +2,8 @@
 
 use super::path::StabilisedPath;
 use crate::solve::driver::Solver;
-use crate::solve::evaluation::largest_component;
 use crate::solve::linear_solver::LinearSolverError;
+use crate::solve::vectors::largest_component;
 
 /// Share of the cap by which the response at fixed loads may strain the body while supports and loads move.
 const LARGEST_LAG: f64 = 0.5;

@@ -3,8 +3,8 @@
 
 use crate::element::integrals::add_stiffness;
 use crate::formulation::Formulation;
+use crate::formulation::tensor::isotropic_moduli;
 use crate::model::assembly::block::{Block, BlockDofs};
-use crate::model::assembly::isotropic::isotropic_moduli;
 use crate::model::body::{Body, degrees_of_freedom};
 use crate::observer::Stabilised;
 use nalgebra::Matrix3;

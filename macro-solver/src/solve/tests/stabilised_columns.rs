@@ -4,9 +4,9 @@
 use super::stabilisation::{Watch, pulled, weak_at_the_bottom};
 use super::*;
 use crate::formulation::Formulation;
+use crate::formulation::tensor::isotropic_moduli;
 use crate::formulation::tensor::{column, matrix, tensor, wire_operator};
 use crate::material::PointId;
-use crate::model::assembly::isotropic::isotropic_moduli;
 use crate::observer::Outcome;
 use crate::problem::{Platen, Stabilisation};
 use nalgebra::Matrix3;
