@@ -282,13 +282,23 @@ fn turn_between_steps(history: &Amplitude, stage: &Stage) -> Option<String> {
         ));
     }
     let at = |load: f64| history.factor(stage.moment(load));
-    let met = range((0..=increments).map(|number| at(number as f64 / increments as f64)));
-    let knots: &[[f64; 2]] = if let Amplitude::Table(points) = history { points } else { &[] };
-    let within = knots.iter().map(|[time, _]| time / stage.duration).filter(|load| (0.0..=1.0).contains(load));
-    // Tables turn at their points.
-    let fine = if knots.is_empty() { BETWEEN_STEPS * increments } else { 1 };
-    let whole = range((0..=fine).map(|number| number as f64 / fine as f64).chain(within).map(at));
-    let left_out = 1.0 - (met[1] - met[0]) / (whole[1] - whole[0]);
+    let turns = history.turns(stage.duration);
+    let fine = |from: f64, to: f64| {
+        let knots = turns.iter().copied().filter(move |turn| from < *turn && *turn < to);
+        let between = (1..BETWEEN_STEPS).map(move |number| from + (to - from) * number as f64 / BETWEEN_STEPS as f64);
+        knots.chain(between)
+    };
+    let end = |number: usize| number as f64 / increments as f64;
+    // What a step passes by: how far the history goes beyond its values at both ends of the step.
+    let passed = (0..increments).map(|number| {
+        let [from, to] = [end(number), end(number + 1)];
+        let [least, most] = range([at(from), at(to)].into_iter());
+        let [lowest, highest] = range(fine(from, to).map(at));
+        (highest - most).max(least - lowest)
+    });
+    let passed = passed.fold(0.0, f64::max);
+    let whole = range((0..=increments).map(end).chain(fine(0.0, 1.0)).map(at));
+    let left_out = passed / (whole[1] - whole[0]);
     // Of a constant history 0 / 0.
     (left_out > LEFT_OUT).then(|| {
         format!(
@@ -336,8 +346,11 @@ mod tests {
         let pulse = history("{ table = [[0, 1], [1.1, 1], [1.2, 3], [1.3, 3], [1.4, 1]] }", 4);
         assert!(pulse.len() == 1 && pulse[0].contains("leave out 100 %"), "{pulse:?}");
         assert!(
-            history("{ sine = { frequency = 0.5, phase = 0.7853981633974483 } }", 8)[0].contains("leave out 29 %")
+            history("{ sine = { frequency = 0.5, phase = 0.7853981633974483 } }", 8)[0].contains("leave out 15 %")
         );
+        // Cycles within the range that the steps meet.
+        let cycles = history("{ table = [[0, 0], [0.5, 0.2], [1, 0], [1.5, 0.2], [2, 0], [4, 0.5]] }", 4);
+        assert!(cycles.len() == 1 && cycles[0].contains("leave out 40 %"), "{cycles:?}");
         let still = remarks(&[
             "boundary.0.history={ sine = { frequency = 0.5 } }",
             "loading={ duration = 4.0, increments = 5 }",

@@ -105,6 +105,9 @@ pub struct AccuracySummary {
 pub struct BalanceSummary {
     /// Largest out-of-balance force of a step over reactions and loads.
     pub largest_force_ratio: f64,
+    /// Largest sum of the out-of-balance forces along an axis, over reactions and loads along it; 0 with links.
+    #[serde(default)]
+    pub largest_force_sum: f64,
     /// Largest correction that an accepted state would still have got, over the displacement of a full step.
     pub largest_displacement_ratio: f64,
     /// Root mean square over the points, after the last step.

@@ -134,7 +134,7 @@ pub(crate) fn dependents<'a>(
             if row.given.iter().any(|(value, _)| value.abs() > 1e-9 * largest) {
                 return Err(ProblemError::MultiPointConstraint {
                     reason: "the linked displacements contradict one another or what is prescribed",
-                    remedy: "leave one of the components free",
+                    remedy: "leave one of the components free, or end what an earlier stage prescribes there (`remove`)",
                 }
                 .of_condition(row.condition));
             }

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct LoadingSettings {
-    /// Length of the stage: the time of histories, and real time in a dynamic stage. In quasi-static stages it scales the column
-    /// `time` alone.
+    /// Length of the stage: the time of histories, and real time in a dynamic stage. In quasi-static stages it counts for tables, sines,
+    /// velocities and accelerations, and for the column `time`.
     #[schemars(extend("x-unit" = "s", "exclusiveMinimum" = 0))]
     pub duration: f64,
     /// Load steps.

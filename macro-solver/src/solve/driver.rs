@@ -17,6 +17,7 @@ use super::newton::path::PathConstraint;
 use super::newton::quasi_newton::Memory;
 use super::newton::tangent_update::TangentUpdater;
 use super::procedure::{LoadStepMethod, StageMethod};
+use super::step_ends::{StepEnds, is_smallest};
 use super::vectors::norm;
 use crate::checkpoint::{CheckpointStore, NoCheckpoints, Progress};
 use crate::material::PointMaterial;
@@ -289,9 +290,12 @@ impl<'a> Solver<'a> {
         let control = &self.stage().control;
         let counters = Counters::of(&self.statistics);
         let first_size = *size;
+        // After a snap the next step may be as large as ever, unless that has just failed.
+        let was_stabilised = self.last_step.is_none() && self.stage_fraction > 0.0;
+        let ends = StepEnds::of(self.stage());
         self.points.start_step();
         for cut_backs in 0.. {
-            let target = next_fraction(self.stage_fraction, *size, control.increments, control.min);
+            let target = ends.next(self.stage_fraction, *size);
             let counters = Counters { cut_backs, ..counters };
             let begun = AttemptCost::of(&self.statistics);
             let mut reason = match method.attempt(self, target, cut_backs > 0, session) {
@@ -319,16 +323,16 @@ impl<'a> Solver<'a> {
             let failed = tried.since(begun);
             let from = target - self.stage_fraction;
             let shorter = (from * control.cut).max(control.min);
-            // Close to the end of the path a shorter step ends there too. The second attempt where nothing changes differs from the first in how
+            // Close to where steps have to end a shorter one ends there too. The second attempt where nothing changes differs from the first in how
             // it begins.
             let is_last = is_smallest(from, control.min)
-                || next_fraction(self.stage_fraction, shorter, control.increments, control.min) >= target
+                || ends.next(self.stage_fraction, shorter) >= target
                 || (cut_backs > 0 && self.stage().changes_nothing());
             if let Some(settings) = self.stabilises(method, cut_backs + 1, from, is_last) {
                 let counters = Counters { cut_backs: cut_backs + 1, ..counters };
                 match self.stabilise(settings, target, &reason, failed, &counters, session)? {
                     Followed::Accepted(_) => {
-                        *size = first_size;
+                        *size = if was_stabilised { (from / control.cut).min(first_size) } else { first_size };
                         return Ok(1);
                     }
                     Followed::TakenBack(why) => {
@@ -428,6 +432,7 @@ impl<'a> Solver<'a> {
         statistics.largest_force_ratio = statistics.largest_force_ratio.max(converged.force_ratio);
         statistics.largest_displacement_ratio =
             statistics.largest_displacement_ratio.max(converged.displacement_ratio);
+        self.statistics.largest_force_sum = self.statistics.largest_force_sum.max(self.force_sum());
         let balance = converged.correction.as_ref().and_then(|correction| self.balance_error(correction));
         self.note_accuracy(balance, session);
         let mut reactions = self.committed_balance.residual();
@@ -454,22 +459,6 @@ impl<'a> Solver<'a> {
         };
         self.report_accepted(&state, before, session)
     }
-}
-
-/// Whether a step is as small as steps may be. Sizes are differences of shares of the path, which round.
-pub(super) fn is_smallest(size: f64, min: f64) -> bool {
-    size <= (1.0 + 1e-9) * min
-}
-
-/// Share of the path that a step of `size` aims at. Snaps to the grid of equal steps, so that an undisturbed run meets
-/// exactly the same loads whatever rounding does, and ends at 1 without a sliver.
-fn next_fraction(done: f64, size: f64, increments: usize, min: f64) -> f64 {
-    let next = done + size;
-    if 1.0 - next < 0.5 * min {
-        return 1.0;
-    }
-    let on_grid = (next * increments as f64).round() / increments as f64;
-    if (on_grid - next).abs() < 1e-9 { on_grid } else { next }
 }
 
 /// Runs `work` and adds its wall time to `total`, ns.

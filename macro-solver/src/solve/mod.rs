@@ -23,6 +23,7 @@ mod report;
 mod residual_norms;
 mod stabilisation;
 mod stage;
+mod step_ends;
 #[cfg(test)]
 pub(crate) mod tests;
 mod vectors;

@@ -1,5 +1,6 @@
 //! Norms of the out-of-balance force, and of the forces that it is measured by.
 
+use super::driver::Solver;
 use super::vectors::norm;
 use crate::model::assembly::balance::Balance;
 use crate::model::constraints::Constraints;
@@ -11,6 +12,9 @@ const NO_DISPLACEMENT: f64 = 1e-9;
 /// Share of the largest reactions or loads of the run below which the out-of-balance force is measured by that share: a body that
 /// is unloaded to zero has nothing left to compare with.
 const LEAST_FORCES: f64 = 1e-2;
+
+/// Share of the largest reactions and loads along any axis that those along an axis count at least.
+const LEAST_ALONG_AXIS: f64 = 0.2;
 
 /// Norms of the out-of-balance force of an evaluated iterate and of the forces that it is measured by.
 pub(super) struct ResidualNorms {
@@ -59,5 +63,29 @@ impl ResidualNorms {
             ForceMeasure::Reactions => self.reactions,
         };
         if self.residual == 0.0 { 0.0 } else { self.residual / scale }
+    }
+}
+
+impl Solver<'_> {
+    /// Largest sum of the out-of-balance forces of the committed state along an axis, over reactions and loads along it. A part of the body
+    /// that is out of balance as a whole has a small norm and a large sum. 0 with links.
+    pub(super) fn force_sum(&self) -> f64 {
+        if self.constraints.followers().next().is_some() {
+            return 0.0;
+        }
+        let (balance, axes) = (&self.committed_balance, self.body.mesh().dimension.count());
+        let residual = balance.residual();
+        let along = |axis: usize| (axis..residual.len()).step_by(axes);
+        let of_axis = |axis: usize| {
+            let is_free = |dof: &usize| self.constraints.unknown(*dof).is_some();
+            let sum: f64 = along(axis).filter(is_free).map(|dof| residual[dof]).sum();
+            let reactions: f64 = along(axis).filter(|dof| !is_free(dof)).map(|dof| residual[dof].abs()).sum();
+            let loads: f64 = along(axis).map(|dof| balance.external[dof].abs()).sum();
+            [sum.abs(), reactions.max(loads)]
+        };
+        let axes: Vec<[f64; 2]> = (0..axes).map(of_axis).collect();
+        let least = LEAST_ALONG_AXIS * axes.iter().map(|[_, scale]| *scale).fold(0.0, f64::max);
+        let ratio = |[sum, scale]: &[f64; 2]| if *sum > 0.0 { sum / scale.max(least) } else { 0.0 };
+        axes.iter().map(ratio).fold(0.0, f64::max)
     }
 }

@@ -1,7 +1,7 @@
 //! The closing lines of a run: the summary for people.
 
 use super::counters::{Concern, in_words};
-use crate::cli::start_state::MISMATCH;
+use crate::cli::start_state::{MISMATCH, SLIGHT_MISMATCH};
 use macro_solver::observer::{Outcome, Run};
 use macro_solver::output::{AccuracySummary, BalanceSummary, CheckpointSummary, Summary};
 use std::collections::BTreeMap;
@@ -9,6 +9,12 @@ use std::fmt::Write;
 
 /// Relative residual of the energy ledger above which the lines mention it.
 const LARGEST_RESIDUAL: f64 = 0.05;
+
+/// Sum of the out-of-balance forces along an axis over reactions and loads along it, above which the lines mention it.
+const FORCE_SUM_TOLD: f64 = 0.01;
+
+/// The same above which they warn.
+const LARGEST_FORCE_SUM: f64 = 0.05;
 
 /// Error of the mean stress by the balance of forces above which the lines mention it, over the pressure.
 const LARGEST_BALANCE_ERROR: f64 = 0.1;
@@ -64,8 +70,13 @@ fn accuracy(accuracy: &AccuracySummary, balance: Option<&BalanceSummary>) -> Str
 /// How far forces were from balance, and what that leaves of an error.
 fn balance(balance: &BalanceSummary) -> String {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    let sum = if balance.largest_force_sum > FORCE_SUM_TOLD {
+        format!(", summed up along an axis {}", percent(balance.largest_force_sum))
+    } else {
+        String::new()
+    };
     format!(
-        "out-of-balance force up to {} of reactions and loads; it leaves {} of the pressure at a point, {} of the mean stress (at most {})",
+        "out-of-balance force up to {} of reactions and loads{sum}; it leaves {} of the pressure at a point, {} of the mean stress (at most {})",
         percent(balance.largest_force_ratio),
         percent(balance.error),
         percent(balance.error_of_mean),
@@ -195,11 +206,21 @@ fn warnings(summary: &Summary, starts_in_balance: bool) -> String {
              mass_factor adds less)"
         )
     });
-    let unprepared = (starts_in_balance && summary.initial_imbalance > MISMATCH).then(|| {
-        "the packing was not prepared under the initial loads, and step 0 has strained it (see initial residual)"
-            .to_owned()
+    let is_prepared = summary.prepared.contains_key("cells");
+    let mismatch = if is_prepared { SLIGHT_MISMATCH } else { MISMATCH };
+    let unprepared = (starts_in_balance && summary.initial_imbalance > mismatch).then(|| {
+        let what = if is_prepared { "cells were" } else { "the packing was" };
+        format!(
+            "{what} not prepared under the initial loads, and step 0 has strained the body (see initial residual)"
+        )
     });
-    let all = [unprepared, counted, open, unbalanced, off, unstable, heavier];
+    let lacking = summary.balance.as_ref().filter(|balance| balance.largest_force_sum > LARGEST_FORCE_SUM).map(|balance| {
+        format!(
+            "reactions lack up to {:.1} % of the loads along an axis (a smaller solver.force_tolerance and solver.stagnated_force_tolerance)",
+            100.0 * balance.largest_force_sum
+        )
+    });
+    let all = [unprepared, counted, open, unbalanced, lacking, off, unstable, heavier];
     let all: Vec<String> = all.into_iter().flatten().collect();
     if all.is_empty() { "none".to_owned() } else { all.join("; ") }
 }

@@ -51,9 +51,14 @@ pub(super) fn failure(scene: &Scene, run: &Run, failure_case: Option<&str>, engi
                 ),
                 None => format!(
                     "the run did not converge beyond load {:.4}{stage}: {reason}\nhint: use more loading.increments, {}, or look at \
-                     the last fields; if a force exceeds the capacity, prescribe a displacement instead",
+                     the last fields{}",
                     run.load,
-                    smaller_steps(scene, run)
+                    smaller_steps(scene, run),
+                    if finds_load_factor(scene, run) {
+                        ""
+                    } else {
+                        "; if a force exceeds the capacity, prescribe a displacement instead"
+                    }
                 ),
             };
             Failure::new(Exit::NotConverged, text + &engines)
@@ -103,8 +108,16 @@ fn stands_still(scene: &Scene, run: &Run) -> bool {
     scene.problem.stages.get(run.stage).is_some_and(Stage::changes_nothing)
 }
 
+/// Whether the load factor is an unknown in the stage in which a run has ended: such stages are never stabilised.
+fn finds_load_factor(scene: &Scene, run: &Run) -> bool {
+    scene.problem.stages.get(run.stage).is_some_and(Stage::finds_load_factor)
+}
+
 /// How steps become smaller than they were.
 fn smaller_steps(scene: &Scene, run: &Run) -> &'static str {
+    if finds_load_factor(scene, run) {
+        return "a smaller loading.smallest_increment";
+    }
     let stabilisation = scene.problem.stages.get(run.stage).and_then(|stage| stage.control.stabilisation);
     if stabilisation.is_some_and(|settings| settings.after.is_some_and(|after| after > 0)) {
         "loading.stabilise_after = 0 (failed steps are cut back first)"

@@ -237,6 +237,7 @@ fn balance(statistics: &Statistics) -> Option<BalanceSummary> {
     let figures = &statistics.accuracy;
     figures.balance.map(|last| BalanceSummary {
         largest_force_ratio: statistics.largest_force_ratio,
+        largest_force_sum: statistics.largest_force_sum,
         largest_displacement_ratio: statistics.largest_displacement_ratio,
         error: last.rms,
         error_of_mean: last.of_mean,

@@ -16,7 +16,7 @@ use scene_reader::Scene;
 pub(crate) const MISMATCH: f64 = 0.1;
 
 /// The same share above which it is worth a note: step 0 strains the body by it.
-const SLIGHT_MISMATCH: f64 = 1e-2;
+pub(crate) const SLIGHT_MISMATCH: f64 = 1e-2;
 
 /// What the initial loads are to the stress at the start.
 #[derive(Clone, Debug, PartialEq)]

@@ -18,10 +18,11 @@ mod noise;
 mod path;
 
 use super::accepted::{Converged, Counters, Followed};
-use super::driver::{Session, Solver, is_smallest};
+use super::driver::{Session, Solver};
 use super::linear_solver::LinearSolverError;
 use super::newton::tangent_update::TangentUpdater;
 use super::procedure::LoadStepMethod;
+use super::step_ends::is_smallest;
 use super::vectors::{dot, norm};
 use crate::material::MaterialError;
 use crate::model::assembly::balance::Balance;

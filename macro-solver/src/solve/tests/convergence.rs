@@ -89,3 +89,21 @@ fn rectangular_quadratic_elements_are_exact_at_nodes() {
     let error = cantilever_error(ElementKind::Q8, 2, 0.0);
     assert!(error < 10.0 * SMALL, "{error:e}");
 }
+
+/// Where forces balance loosely, the largest force that reactions lack of the loads is stated.
+#[test]
+fn what_reactions_lack_of_the_loads_is_stated() {
+    let pulled = |tolerances| {
+        let traction = Condition::Traction { sides: "top".into(), value: [0.0, -4e6, 0.0] };
+        let held = [Condition::fixed("bottom", Axis::Y), Condition::fixed("bottom_left", Axis::X)];
+        let mut problem = Problem::new(block(ElementKind::Q4, 1, 2), held.into_iter().chain([traction]).collect());
+        (problem.stages[0].control.increments, problem.stages[0].tolerances) = (1, tolerances);
+        let (run, record) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
+        assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+        let bottom: f64 = problem.mesh.node_sets["bottom"].iter().map(|&node| record.reactions[node][1]).sum();
+        (run.statistics.largest_force_sum, (bottom / 4e6 - 1.0).abs())
+    };
+    let (loose, lacking) = pulled(Tolerances::both(0.2, 1e9));
+    assert!(lacking > 1e-3 && (loose / lacking - 1.0).abs() < 0.1, "{loose} stated, {lacking} lacking");
+    assert!(pulled(TIGHT).0 < 1e-6);
+}

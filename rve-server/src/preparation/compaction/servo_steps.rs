@@ -16,7 +16,7 @@ const CAREFUL_STEPS: u32 = 10;
 /// `SLACK_STEPS` of them in a row, and then by twice as much each time, `SLACK_DOUBLINGS` times.
 const SLACK_PRESSURE: f64 = 0.005;
 const SLACK_STRAIN: f64 = 1e-4;
-const SLACK_STEPS: i32 = 40;
+const SLACK_STEPS: i32 = 2;
 const SLACK_DOUBLINGS: i32 = 4;
 
 /// Steps in a row, of discs and of spheres, that bring the stress no nearer to the target, by [`STUCK_GAIN`], after which a packing far below its

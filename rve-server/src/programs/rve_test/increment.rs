@@ -91,7 +91,8 @@ impl<C: TestedCell> Run<C> {
             self.sound = Some(elastic);
         }
         let mut servo = Servo::new(&step.targets, &sliding, &elastic);
-        let mut gradient = match &self.last_change {
+        let last_change = self.last_change.as_ref().filter(|change| step.goes_on_with(change));
+        let mut gradient = match last_change {
             // Going on as before beats every operator while the path is smooth.
             Some(change) => step.with_unknowns(&add_scaled(&step.committed_gradient, 1.0, change)),
             None => servo.predict(&step.gradient, &step.expected_stress(&self.stress, &sliding)),

@@ -8,6 +8,9 @@ use crate::space::add_scaled;
 /// all, pressure and targets would leave nothing to measure by; within a hundredth of where it came from, a cell is measured by them.
 pub(super) const LEAST_SHARE: f64 = 1e-2;
 
+/// Change of an unknown component over that of the prescribed ones up to which it is expected again.
+const MOST_AGAIN: f64 = 10.0;
+
 /// Targets of one increment.
 #[derive(Clone)]
 pub(super) struct Step {
@@ -43,6 +46,18 @@ impl Step {
             }
         }
         tensor_of(&values)
+    }
+
+    /// Whether the unknown components may change again as they did: not after a rearrangement that moved them by much more than what is
+    /// prescribed moves now. Where all components are unknown there is nothing to tell by.
+    pub(super) fn goes_on_with(&self, change: &Matrix) -> bool {
+        let prescribed = flat(&add_scaled(&self.gradient, -1.0, &self.committed_gradient));
+        let largest =
+            |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most: f64, value| most.max(value.abs()));
+        let given = largest(&mut prescribed.into_iter());
+        let unknown = (0..COMPONENTS).filter(|place| self.targets[*place].is_some());
+        let changed = flat(change);
+        given == 0.0 || largest(&mut unknown.map(|place| changed[place])) <= MOST_AGAIN * given
     }
 
     /// Stress to first order if only the prescribed components move.
