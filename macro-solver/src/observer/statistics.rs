@@ -60,7 +60,7 @@ pub struct Statistics {
     /// Largest out-of-balance force ratio of an accepted step, see [`StepReport::force_ratio`].
     pub largest_force_ratio: f64,
     /// Largest sum of the out-of-balance forces along an axis in an accepted step, over reactions and loads along it: what the reactions lack of
-    /// the loads. Without links, whose forces are not told apart.
+    /// the loads.
     pub largest_force_sum: f64,
     /// Largest displacement ratio of an accepted step, see [`StepReport::displacement_ratio`].
     pub largest_displacement_ratio: f64,

@@ -105,7 +105,7 @@ pub struct AccuracySummary {
 pub struct BalanceSummary {
     /// Largest out-of-balance force of a step over reactions and loads.
     pub largest_force_ratio: f64,
-    /// Largest sum of the out-of-balance forces along an axis, over reactions and loads along it; 0 with links.
+    /// Largest sum of the out-of-balance forces along an axis, over reactions and loads along it.
     #[serde(default)]
     pub largest_force_sum: f64,
     /// Largest correction that an accepted state would still have got, over the displacement of a full step.

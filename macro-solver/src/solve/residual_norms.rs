@@ -68,24 +68,23 @@ impl ResidualNorms {
 
 impl Solver<'_> {
     /// Largest sum of the out-of-balance forces of the committed state along an axis, over reactions and loads along it. A part of the body
-    /// that is out of balance as a whole has a small norm and a large sum. 0 with links.
+    /// that is out of balance as a whole has a small norm and a large sum. Forces at followers count where their masters move.
     pub(super) fn force_sum(&self) -> f64 {
-        if self.constraints.followers().next().is_some() {
-            return 0.0;
-        }
         let (balance, axes) = (&self.committed_balance, self.body.mesh().dimension.count());
         let residual = balance.residual();
-        let along = |axis: usize| (axis..residual.len()).step_by(axes);
-        let of_axis = |axis: usize| {
-            let is_free = |dof: &usize| self.constraints.unknown(*dof).is_some();
-            let sum: f64 = along(axis).filter(is_free).map(|dof| residual[dof]).sum();
-            let reactions: f64 = along(axis).filter(|dof| !is_free(dof)).map(|dof| residual[dof].abs()).sum();
-            let loads: f64 = along(axis).map(|dof| balance.external[dof].abs()).sum();
-            [sum.abs(), reactions.max(loads)]
-        };
-        let axes: Vec<[f64; 2]> = (0..axes).map(of_axis).collect();
-        let least = LEAST_ALONG_AXIS * axes.iter().map(|[_, scale]| *scale).fold(0.0, f64::max);
-        let ratio = |[sum, scale]: &[f64; 2]| if *sum > 0.0 { sum / scale.max(least) } else { 0.0 };
-        axes.iter().map(ratio).fold(0.0, f64::max)
+        let (mut sums, mut reactions, mut loads) = (vec![0.0; axes], vec![0.0; axes], vec![0.0; axes]);
+        for (dof, force) in self.constraints.free().iter().zip(self.constraints.restrict(&residual)) {
+            sums[dof % axes] += force;
+        }
+        for (dof, (force, load)) in residual.iter().zip(&balance.external).enumerate() {
+            loads[dof % axes] += load.abs();
+            if self.constraints.is_prescribed(dof) {
+                reactions[dof % axes] += force.abs();
+            }
+        }
+        let scales: Vec<f64> = reactions.iter().zip(&loads).map(|(reaction, load)| reaction.max(*load)).collect();
+        let least = LEAST_ALONG_AXIS * scales.iter().copied().fold(0.0, f64::max);
+        let ratio = |(sum, scale): (&f64, &f64)| if *sum == 0.0 { 0.0 } else { sum.abs() / scale.max(least) };
+        sums.iter().zip(&scales).map(ratio).fold(0.0, f64::max)
     }
 }
