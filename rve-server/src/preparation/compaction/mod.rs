@@ -6,6 +6,8 @@ mod servo_steps;
 mod tests;
 mod to_stress;
 
+pub(crate) use servo_steps::Start;
+
 use super::first_vectors::FirstVectors;
 use super::progress::{PackingProgress, ProgressLog};
 use super::servo::{ServoLimits, pressure};

@@ -13,11 +13,30 @@ const MAX_STALLS: u32 = 12;
 const CAREFUL_STEPS: u32 = 10;
 
 /// Share of the target pressure below which a cell is simply compressed further, by this strain: spheres at once, discs after
-/// `SLACK_STEPS` of them in a row, and then by twice as much each time, `SLACK_DOUBLINGS` times.
+/// a number of them in a row, and then by twice as much each time, `SLACK_DOUBLINGS` times.
 const SLACK_PRESSURE: f64 = 0.005;
 const SLACK_STRAIN: f64 = 1e-4;
-const SLACK_STEPS: i32 = 2;
 const SLACK_DOUBLINGS: i32 = 4;
+
+/// What a cell of discs is at the start of its way to a stress.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Start {
+    /// Grains that have just been pressed together. What they remember is worth nothing, and every step without pressure relaxes a cell without
+    /// load, at the price of a thousand others.
+    Gas,
+    /// A cell that has borne a stress, whose fabric is to be kept.
+    Packing,
+}
+
+impl Start {
+    /// Steps without pressure in a row before a cell of discs is compressed.
+    fn slack_steps(self) -> i32 {
+        match self {
+            Self::Gas => 2,
+            Self::Packing => 40,
+        }
+    }
+}
 
 /// Steps in a row, of discs and of spheres, that bring the stress no nearer to the target, by [`STUCK_GAIN`], after which a packing far below its
 /// pressure is compressed in the same way: where its network hardly resists some shear, as one of cohesive grains that roll, that shear takes
@@ -59,8 +78,9 @@ pub(super) struct StepRules {
     circling: StagnationMonitor,
     /// Careful steps still to be taken.
     careful: u32,
-    /// Steps in a row without pressure.
+    /// Steps in a row without pressure, and how many are taken before the cell is compressed.
     slack: i32,
+    most_slack: i32,
     /// Smallest error since the pressure was last out of the range that [`STUCK_PRESSURE`] names, and steps since.
     nearest: f64,
     stuck: i32,
@@ -71,13 +91,14 @@ pub(super) struct StepRules {
 
 impl StepRules {
     /// Before the first step.
-    pub(super) fn new(learns: bool, tolerance: f64) -> Self {
+    pub(super) fn new(learns: bool, start: Start, tolerance: f64) -> Self {
         Self {
             learns,
             tolerance,
             circling: StagnationMonitor::new(),
             careful: 0,
             slack: 0,
+            most_slack: start.slack_steps(),
             nearest: f64::INFINITY,
             stuck: 0,
             best: f64::INFINITY,
@@ -98,8 +119,8 @@ impl StepRules {
             return ServoStep::Compress(growing_compression(beyond));
         }
         self.slack = if is_slack { self.slack + 1 } else { 0 };
-        if !self.learns && self.slack > SLACK_STEPS {
-            return ServoStep::Compress(growing_compression(self.slack - SLACK_STEPS));
+        if !self.learns && self.slack > self.most_slack {
+            return ServoStep::Compress(growing_compression(self.slack - self.most_slack));
         }
         if self.slack > 0 {
             self.circling = StagnationMonitor::new();
@@ -145,8 +166,8 @@ mod tests {
 
     #[test]
     fn discs_without_pressure_are_compressed_ever_more_after_some_steps() {
-        let mut rules = StepRules::new(false, 1e-6);
-        for _ in 0..SLACK_STEPS {
+        let mut rules = StepRules::new(false, Start::Gas, 1e-6);
+        for _ in 0..Start::Gas.slack_steps() {
             assert_eq!(rules.next(1.0, 0.0), plain(LARGEST_STRAIN, true));
         }
         let strains: Vec<ServoStep> = (0..5).map(|_| rules.next(1.0, 0.0)).collect();
@@ -157,12 +178,12 @@ mod tests {
 
     #[test]
     fn spheres_without_pressure_are_compressed_at_once() {
-        assert_eq!(StepRules::new(true, 1e-6).next(1.0, 0.0), ServoStep::Compress(SLACK_STRAIN));
+        assert_eq!(StepRules::new(true, Start::Gas, 1e-6).next(1.0, 0.0), ServoStep::Compress(SLACK_STRAIN));
     }
 
     #[test]
     fn spheres_learn_near_the_target_and_ask_for_the_operator_where_that_stalls() {
-        let mut rules = StepRules::new(true, 1e-6);
+        let mut rules = StepRules::new(true, Start::Gas, 1e-6);
         assert_eq!(rules.next(0.8, 1.0), plain(FAR_STRAIN, true));
         assert_eq!(rules.next(0.4, 1.0), plain(LARGEST_STRAIN, false));
         for _ in 1..MAX_STALLS {
@@ -175,7 +196,7 @@ mod tests {
     #[test]
     fn steps_that_gain_nothing_far_below_the_pressure_end_in_compression() {
         for (learns, longest) in [(false, STUCK_STEPS[0]), (true, STUCK_STEPS[1])] {
-            let mut rules = StepRules::new(learns, 1e-6);
+            let mut rules = StepRules::new(learns, Start::Gas, 1e-6);
             for _ in 0..=longest {
                 assert!(!matches!(rules.next(0.9, 0.1), ServoStep::Compress(_)));
             }
@@ -185,7 +206,7 @@ mod tests {
 
     #[test]
     fn discs_that_go_round_in_circles_take_careful_steps() {
-        let mut rules = StepRules::new(false, 1e-6);
+        let mut rules = StepRules::new(false, Start::Gas, 1e-6);
         let steps: Vec<ServoStep> = (0..250).map(|_| rules.next(1e-3, 1.0)).collect();
         let careful = steps.iter().filter(|step| **step == ServoStep::Careful).count();
         assert_eq!(careful, 2 * CAREFUL_STEPS as usize);
