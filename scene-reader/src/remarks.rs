@@ -18,6 +18,9 @@ const LEFT_OUT: f64 = 0.05;
 /// Moments between two steps at which a history without a table is looked at.
 const BETWEEN_STEPS: usize = 32;
 
+/// Turns of histories that are looked at for the way of supports; those of one cycle are like those of the next.
+const MOST_TURNS: usize = 64;
+
 /// Share of the shortest waves of a mesh below which averages leave too little of them: where cells differ, the strains of points are off by half.
 const LEAST_WAVES_LEFT: f64 = 0.02;
 
@@ -174,7 +177,9 @@ fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
     let size = (0..dimension).map(extent).fold(0.0, f64::max);
     let prescribed = problem.prescribed_displacements(stage).ok()?;
     // Of a velocity or an acceleration the history has the displacement for a value of 1, which may be largest at any time.
-    let moments: Vec<f64> = (0..=BETWEEN_STEPS).map(|number| number as f64 / BETWEEN_STEPS as f64).collect();
+    let turns = stage.conditions.iter().flat_map(|applied| applied.history.turns(stage.duration)).take(MOST_TURNS);
+    let evenly = (0..=BETWEEN_STEPS).map(|number| number as f64 / BETWEEN_STEPS as f64);
+    let moments: Vec<f64> = evenly.chain(turns).collect();
     let apart = |axis: usize, load: f64| {
         let given = prescribed.iter().skip(axis).step_by(dimension).flatten();
         let [least, most] = range(given.map(|given| given.value * given.history.factor(stage.moment(load))));
@@ -284,7 +289,8 @@ fn turn_between_steps(history: &Amplitude, stage: &Stage) -> Option<String> {
     let at = |load: f64| history.factor(stage.moment(load));
     let turns = history.turns(stage.duration);
     let fine = |from: f64, to: f64| {
-        let knots = turns.iter().copied().filter(move |turn| from < *turn && *turn < to);
+        let [first, last] = [from, to].map(|share| turns.partition_point(|turn| *turn < share));
+        let knots = turns[first..last].iter().copied();
         let between = (1..BETWEEN_STEPS).map(move |number| from + (to - from) * number as f64 / BETWEEN_STEPS as f64);
         knots.chain(between)
     };
@@ -436,6 +442,12 @@ mod tests {
         let far = moved(-0.1);
         assert!(far.len() == 1 && far[0].starts_with("supports move by 2e-1 m"), "{far:?}");
         assert_eq!(moved(0.095), Vec::<String>::new(), "the body is carried along");
+        // Thirty-two periods: at all evenly spaced moments it is where it began.
+        let swinging = remarks(&[
+            "stage=[{ name = 'still' }, { name = 'swing', procedure = 'dynamic', loading = { duration = 32.0 }, \
+             boundary = [{ set = 'right', displacement = { x = 1.0 }, history = { sine = { frequency = 1.0 } } }] }]",
+        ]);
+        assert!(swinging.iter().any(|remark| remark.contains("supports move by 1e0 m")), "{swinging:?}");
         let driven = |velocity: f64| {
             let boundary = format!("[{{ set = 'right', velocity = {{ x = {velocity} }} }}]");
             let loading = "loading = { duration = 1e-3 }";

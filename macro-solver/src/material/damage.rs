@@ -6,8 +6,7 @@
 //! linear elasticity in rate form, exact to rounding for strains of any size.
 
 use crate::checkpoint::{Archive, CheckpointError};
-use crate::formulation::tensor::isotropic_moduli;
-use crate::formulation::tensor::{Operator, column, matrix, tensor, wire_operator};
+use crate::formulation::tensor::{Operator, column, isotropic_moduli, matrix, tensor, wire_operator};
 use crate::material::PointTrial;
 use crate::material::trial_states::{ClosedForm, TrialStates};
 use nalgebra::Matrix3;

@@ -1,7 +1,6 @@
 //! Elastic points whose stress ratio is limited by friction, for the stress that a body has before its grains exist.
 
-use crate::formulation::tensor::isotropic_moduli;
-use crate::formulation::tensor::{Operator, column, matrix, tensor, unit, wire_operator};
+use crate::formulation::tensor::{Operator, column, isotropic_moduli, matrix, tensor, unit, wire_operator};
 use crate::material::PointTrial;
 use crate::material::trial_states::{ClosedForm, TrialStates};
 use nalgebra::{DMatrix, Matrix3};

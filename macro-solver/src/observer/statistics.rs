@@ -59,8 +59,8 @@ pub struct Statistics {
     pub largest_pressure: f64,
     /// Largest out-of-balance force ratio of an accepted step, see [`StepReport::force_ratio`].
     pub largest_force_ratio: f64,
-    /// Largest sum of the out-of-balance forces along an axis in an accepted step, over reactions and loads along it: what the reactions lack of
-    /// the loads.
+    /// Largest sum of the out-of-balance forces along an axis in an accepted step, over reactions and loads along it, at least over a
+    /// fifth of the largest forces: what the reactions lack of the loads.
     pub largest_force_sum: f64,
     /// Largest displacement ratio of an accepted step, see [`StepReport::displacement_ratio`].
     pub largest_displacement_ratio: f64,

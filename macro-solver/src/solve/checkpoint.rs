@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "driver";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 33;
+const VERSION: u32 = 34;
 
 #[derive(Serialize, Deserialize)]
 struct Record {

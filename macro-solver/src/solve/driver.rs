@@ -1,11 +1,12 @@
 //! The driver of a run: stage after stage, step after step, whatever the procedure.
 //!
 //! A load step starts from the last committed configuration and requests from every Gauss point the stress at the total
-//! displacement gradient of the step; points that a step does not deform, or whose target is that of their latest answer, are not asked. Every
-//! evaluation restarts from the committed state, so the accepted state does not depend on the iterations that led to
-//! it, except through the choice of the ramp. What iterations leave behind (kept tangents, secant corrections of points, quasi-Newton pairs, the last
-//! correction) changes how the next iterates and steps are found, not what they have to fulfil. Exceptions are steps whose iterations do not contract, which go on from an
-//! iterate that is committed, and stabilised ones. A step is accepted when all criteria hold that its stage has chosen
+//! displacement gradient of the step; points that a step does not deform, or whose target is that of their latest answer, are not
+//! asked. Every evaluation restarts from the committed state, so the accepted state does not depend on the iterations that led to
+//! it, except through the choice of the ramp. What iterations leave behind (kept tangents, secant corrections of points,
+//! quasi-Newton pairs, the last correction) changes how the next iterates and steps are found, not what they have to fulfil.
+//! Exceptions are steps whose iterations do not contract, which go on from an iterate that is committed, and stabilised ones. A
+//! step is accepted when all criteria hold that its stage has chosen
 //! ([`crate::problem::Tolerances`]), is cut back when it does not converge, and the run ends with a reason when the
 //! smallest step does not.
 
@@ -332,7 +333,11 @@ impl<'a> Solver<'a> {
                 let counters = Counters { cut_backs: cut_backs + 1, ..counters };
                 match self.stabilise(settings, target, &reason, failed, &counters, session)? {
                     Followed::Accepted(_) => {
-                        *size = if was_stabilised { (from / control.cut).min(first_size) } else { first_size };
+                        *size = if was_stabilised && cut_backs > 0 {
+                            (from / control.cut).min(first_size)
+                        } else {
+                            first_size
+                        };
                         return Ok(1);
                     }
                     Followed::TakenBack(why) => {
@@ -432,7 +437,6 @@ impl<'a> Solver<'a> {
         statistics.largest_force_ratio = statistics.largest_force_ratio.max(converged.force_ratio);
         statistics.largest_displacement_ratio =
             statistics.largest_displacement_ratio.max(converged.displacement_ratio);
-        self.statistics.largest_force_sum = self.statistics.largest_force_sum.max(self.force_sum());
         let balance = converged.correction.as_ref().and_then(|correction| self.balance_error(correction));
         self.note_accuracy(balance, session);
         let mut reactions = self.committed_balance.residual();
@@ -443,6 +447,7 @@ impl<'a> Solver<'a> {
         }
         let forces = norm(&reactions).max(norm(&self.committed_balance.external));
         self.statistics.largest_forces = self.statistics.largest_forces.max(forces);
+        self.statistics.largest_force_sum = self.statistics.largest_force_sum.max(self.force_sum());
         let state = AcceptedState {
             load,
             stage_fraction,

@@ -99,9 +99,7 @@ impl Solver<'_> {
                 deviation = deviation.max((stress[place] - wanted[place]).abs());
             }
         }
-        match if largest > 0.0 { largest } else { found } {
-            0.0 => 0.0,
-            scale => deviation / scale,
-        }
+        let scale = if largest > 0.0 { largest } else { found };
+        if scale > 0.0 { deviation / scale } else { 0.0 }
     }
 }

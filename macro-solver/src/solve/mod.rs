@@ -1,9 +1,9 @@
 //! Solution of a problem, stage after stage.
 //!
 //! The `driver` takes load steps or time steps along the stages of a run; `procedure` lists the procedures, each in a folder of
-//! its own: `newton`, `relaxation`, `explicit`. `evaluation` has the points answer an iterate and assembles the balance, `convergence` measures how far
-//! it is from the end of its step. They share body, points, constraints, loads and the assembly of the elements,
-//! which are in `crate::model`. A new procedure is a folder here and a line in `procedure`.
+//! its own: `newton`, `relaxation`, `explicit`. They share body, points, constraints, loads and the assembly of the elements,
+//! which are in `crate::model`. `evaluation` has the points answer an iterate and assembles the balance, `convergence` measures how
+//! far it is from the end of its step. A new procedure is a folder here and a line in `procedure`.
 
 mod accepted;
 mod balance_error;

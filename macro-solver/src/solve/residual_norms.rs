@@ -13,7 +13,8 @@ const NO_DISPLACEMENT: f64 = 1e-9;
 /// is unloaded to zero has nothing left to compare with.
 const LEAST_FORCES: f64 = 1e-2;
 
-/// Share of the largest reactions and loads along any axis that those along an axis count at least.
+/// Share of the largest reactions and loads, along any axis or of the run so far, that those along an axis count at least: an axis along which
+/// hardly anything acts, and a body that is unloaded to zero, have nothing to compare with.
 const LEAST_ALONG_AXIS: f64 = 0.2;
 
 /// Norms of the out-of-balance force of an evaluated iterate and of the forces that it is measured by.
@@ -78,13 +79,16 @@ impl Solver<'_> {
         }
         for (dof, (force, load)) in residual.iter().zip(&balance.external).enumerate() {
             loads[dof % axes] += load.abs();
-            if self.constraints.is_prescribed(dof) {
+            if self.constraints.is_given(dof) {
                 reactions[dof % axes] += force.abs();
             }
         }
         let scales: Vec<f64> = reactions.iter().zip(&loads).map(|(reaction, load)| reaction.max(*load)).collect();
-        let least = LEAST_ALONG_AXIS * scales.iter().copied().fold(0.0, f64::max);
-        let ratio = |(sum, scale): (&f64, &f64)| if *sum == 0.0 { 0.0 } else { sum.abs() / scale.max(least) };
+        let least = LEAST_ALONG_AXIS * scales.iter().copied().fold(self.statistics.largest_forces, f64::max);
+        let ratio = |(sum, scale): (&f64, &f64)| match scale.max(least) {
+            0.0 => 0.0,
+            scale => sum.abs() / scale,
+        };
         sums.iter().zip(&scales).map(ratio).fold(0.0, f64::max)
     }
 }

@@ -53,7 +53,9 @@ fn accuracy(accuracy: &AccuracySummary, balance: Option<&BalanceSummary>) -> Str
     let [own, of_mean] = [accuracy.estimated_error, accuracy.estimated_error_of_mean];
     let [left, left_of_mean] = balance.map_or([0.0; 2], |balance| [balance.error, balance.error_of_mean]);
     let [all, all_of_mean] = [own.hypot(left), of_mean.hypot(left_of_mean)];
-    let with_balance = if all > BALANCE_COUNTS * own || all_of_mean > BALANCE_COUNTS * of_mean {
+    // Only errors of one state add up.
+    let is_of_the_end = accuracy.steps_without_estimate == 0;
+    let with_balance = if is_of_the_end && (all > BALANCE_COUNTS * own || all_of_mean > BALANCE_COUNTS * of_mean) {
         format!(" ({} and {} with the balance)", percent(all), percent(all_of_mean))
     } else {
         String::new()
@@ -216,7 +218,8 @@ fn warnings(summary: &Summary, starts_in_balance: bool) -> String {
     });
     let lacking = summary.balance.as_ref().filter(|balance| balance.largest_force_sum > LARGEST_FORCE_SUM).map(|balance| {
         format!(
-            "reactions lack up to {:.1} % of the loads along an axis (a smaller solver.force_tolerance and solver.stagnated_force_tolerance)",
+            "forces out of balance add up to {:.1} % of the reactions and loads along an axis (a smaller solver.force_tolerance and \
+             solver.stagnated_force_tolerance)",
             100.0 * balance.largest_force_sum
         )
     });

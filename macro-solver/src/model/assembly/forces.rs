@@ -86,7 +86,7 @@ impl ElementLaws<'_> {
             hourglass: Vec::new(),
             hourglass_energy: 0.0,
         };
-        let length = self.body.length_of(element, motion.geometry);
+        let length = if is_viscous { self.body.length_of(element, motion.geometry) } else { 0.0 };
         for number in self.body.points_of(element) {
             let (point, geometry) = (&self.points.all()[number], &motion.geometry[number]);
             let stress = averaged.map_or(point.response.stress, |stresses| stresses[number]);

@@ -232,6 +232,7 @@ impl Points {
             point.trial_deformation = point.deformation;
             point.last_step = *gradient;
             point.committed_stress = point.response.stress;
+            point.committed_reduction = point.answered_reduction;
         }
         if let Some(neighbours) = &mut self.neighbours {
             neighbours.commit(std::mem::take(&mut self.strains));
@@ -244,6 +245,7 @@ impl Points {
         for point in &mut self.points {
             point.held = None;
             point.last_sample = None;
+            point.answered_reduction = point.committed_reduction;
         }
     }
 

@@ -36,12 +36,13 @@ impl Points {
                 MaterialError::Point { point, .. } if error.is_curable_by_smaller_step() => *point,
                 _ => return Err(error),
             };
-            count_refused(&error, statistics);
             material.rollback();
             let Some(trial) = trials.iter_mut().find(|trial| trial.point == refused) else { return Err(error) };
             if !self.goes_part_of_the_way(trial, material, statistics)? {
                 return Err(error);
             }
+            // An error that goes on is counted where it arrives.
+            count_refused(&error, statistics);
         }
         material.evaluate(trials)
     }

@@ -38,6 +38,8 @@ pub(crate) struct Point {
     pub(super) friction_reduction: f64,
     /// That of the latest evaluation.
     pub(super) answered_reduction: f64,
+    /// That of the committed state.
+    pub(super) committed_reduction: f64,
     /// Gradient of the latest evaluation and the tangent that came with it, as long as they are valid.
     pub(super) held: Option<(Matrix3<f64>, TangentKind)>,
     pub(super) last_sample: Option<Sample>,
@@ -68,6 +70,7 @@ impl Point {
             ramp_steps: 0,
             friction_reduction: 0.0,
             answered_reduction: 0.0,
+            committed_reduction: 0.0,
             held: None,
             last_sample: None,
             correction: None,

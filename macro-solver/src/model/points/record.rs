@@ -26,8 +26,8 @@ pub(crate) struct PointRecord {
     /// Bulk modulus, Pa, and reference of the pore fluid.
     fluid: Option<[f64; 2]>,
     ramp_steps: u32,
-    /// Share by which the friction of the answer is below that of the definition.
-    answered_reduction: f64,
+    /// Share by which the friction of the committed state is below that of the definition.
+    committed_reduction: f64,
     evaluations: u64,
     cost: Cost,
     answer: Option<AnswerRecord>,
@@ -100,7 +100,7 @@ impl Point {
             last_step: self.last_step.as_slice().to_vec(),
             fluid: self.fluid.map(|fluid| [fluid.bulk_modulus, fluid.reference]),
             ramp_steps: self.ramp_steps,
-            answered_reduction: self.answered_reduction,
+            committed_reduction: self.committed_reduction,
             evaluations: self.evaluations,
             cost: self.cost,
             answer: self.answer.as_ref().map(|answer| AnswerRecord {
@@ -138,7 +138,8 @@ impl Point {
         copy(section, self.tangent.as_mut_slice(), &record.tangent)?;
         self.reference = record.reference.map(|[norm, vertical, shear]| ReferenceModuli { norm, vertical, shear });
         self.ramp_steps = record.ramp_steps;
-        self.answered_reduction = record.answered_reduction;
+        (self.committed_reduction, self.answered_reduction) =
+            (record.committed_reduction, record.committed_reduction);
         self.evaluations = record.evaluations;
         self.cost = record.cost;
         self.answer = record.answer.map(|answer| TrialResult {

@@ -51,6 +51,11 @@ fn a_stress_of_zero_may_be_expected() {
     assert_eq!(loaded.statistics.initial_deviation, 1.0);
     let (bare, _) = run(&problem, &mut elastic(ElasticLaw::SaintVenant, &problem));
     assert_eq!(bare.statistics.initial_deviation, 0.0);
+    // A body without any force has no sum of forces either.
+    let mut weightless = problem.clone();
+    weightless.stages[0].conditions.pop();
+    let (bare, _) = run(&weightless, &mut elastic(ElasticLaw::SaintVenant, &weightless));
+    assert_eq!(bare.statistics.largest_force_sum, 0.0, "{:?}", bare.outcome);
 }
 
 #[test]

@@ -4,8 +4,7 @@
 use super::stabilisation::{Watch, pulled, weak_at_the_bottom};
 use super::*;
 use crate::formulation::Formulation;
-use crate::formulation::tensor::isotropic_moduli;
-use crate::formulation::tensor::{column, matrix, tensor, wire_operator};
+use crate::formulation::tensor::{column, isotropic_moduli, matrix, tensor, wire_operator};
 use crate::material::PointId;
 use crate::observer::Outcome;
 use crate::problem::{Platen, Stabilisation};
