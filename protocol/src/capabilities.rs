@@ -39,7 +39,7 @@ pub struct Capabilities {
     /// Trials of one definition that a worker solves side by side, in little more time than it takes for one of them; 0 is read as 1.
     #[serde(default)]
     pub side_by_side: u32,
-    /// Whether it follows [`TrialOptions::friction_reduction`].
+    /// Whether it follows [`TrialOptions::friction_reduction`](crate::trial::TrialOptions::friction_reduction).
     #[serde(default)]
     pub reduces_friction: bool,
     /// Optional results that it delivers when they are requested, by the keywords of [`OptionalResult`]. Words that are not known stand for

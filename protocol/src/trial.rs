@@ -20,7 +20,7 @@ pub struct TrialOptions {
     /// Optional results wanted.
     pub observables: Observables,
     /// Share by which the friction between the grains is below that of the definition, 0 to 1: with 1 there is none. An engine that
-    /// does not say [`Capabilities::reduces_friction`] gets 0 only.
+    /// does not say [`Capabilities::reduces_friction`](crate::capabilities::Capabilities::reduces_friction) gets 0 only.
     pub friction_reduction: f64,
 }
 

@@ -18,9 +18,6 @@ const LEFT_OUT: f64 = 0.05;
 /// Moments between two steps at which a history without a table is looked at.
 const BETWEEN_STEPS: usize = 32;
 
-/// Turns of histories that are looked at for the way of supports; those of one cycle are like those of the next.
-const MOST_TURNS: usize = 64;
-
 /// Share of the shortest waves of a mesh below which averages leave too little of them: where cells differ, the strains of points are off by half.
 const LEAST_WAVES_LEFT: f64 = 0.02;
 
@@ -177,9 +174,9 @@ fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
     let size = (0..dimension).map(extent).fold(0.0, f64::max);
     let prescribed = problem.prescribed_displacements(stage).ok()?;
     // Of a velocity or an acceleration the history has the displacement for a value of 1, which may be largest at any time.
-    let turns = stage.conditions.iter().flat_map(|applied| applied.history.turns(stage.duration)).take(MOST_TURNS);
     let evenly = (0..=BETWEEN_STEPS).map(|number| number as f64 / BETWEEN_STEPS as f64);
-    let moments: Vec<f64> = evenly.chain(turns).collect();
+    let moments: Vec<f64> =
+        evenly.chain(stage.conditions.iter().flat_map(|applied| extremes(applied, stage))).collect();
     let apart = |axis: usize, load: f64| {
         let given = prescribed.iter().skip(axis).step_by(dimension).flatten();
         let [least, most] = range(given.map(|given| given.value * given.history.factor(stage.moment(load))));
@@ -194,6 +191,22 @@ fn supports_that_move_far(problem: &Problem, stage: &Stage) -> Option<String> {
             "{of_stage}supports move by {apart:e} m against each other, and the body is {size:e} m large: are the displacements in m?"
         )
     })
+}
+
+/// Shares of a stage at which the history of a support is largest and smallest, of tables and sines; the others are met at evenly spaced moments.
+fn extremes(applied: &Applied, stage: &Stage) -> Vec<f64> {
+    match (&applied.condition, &applied.history) {
+        (Condition::Displacement { .. } | Condition::Platen { .. }, Amplitude::Table(points)) => {
+            let by_factor = |one: &&[f64; 2], other: &&[f64; 2]| one[1].total_cmp(&other[1]);
+            let within = || points.iter().filter(|[time, _]| (0.0..=stage.duration).contains(time));
+            let found = [within().min_by(by_factor), within().max_by(by_factor)];
+            found.into_iter().flatten().map(|[time, _]| time / stage.duration).collect()
+        }
+        (Condition::Displacement { .. } | Condition::Platen { .. }, history @ Amplitude::Sine { .. }) => {
+            history.turns(stage.duration, 2)
+        }
+        _ => Vec::new(),
+    }
 }
 
 /// Smooth platens that move within the plane of their own side: they drag its nodes along and leave them free across it.
@@ -287,12 +300,15 @@ fn turn_between_steps(history: &Amplitude, stage: &Stage) -> Option<String> {
         ));
     }
     let at = |load: f64| history.factor(stage.moment(load));
-    let turns = history.turns(stage.duration);
+    let knots: Vec<f64> = match history {
+        Amplitude::Table(points) => points.iter().map(|[time, _]| time / stage.duration).collect(),
+        _ => Vec::new(),
+    };
     let fine = |from: f64, to: f64| {
-        let [first, last] = [from, to].map(|share| turns.partition_point(|turn| *turn < share));
-        let knots = turns[first..last].iter().copied();
+        let [first, last] = [from, to].map(|share| knots.partition_point(|knot| *knot < share));
+        let within = knots[first..last].iter().copied();
         let between = (1..BETWEEN_STEPS).map(move |number| from + (to - from) * number as f64 / BETWEEN_STEPS as f64);
-        knots.chain(between)
+        within.chain(between)
     };
     let end = |number: usize| number as f64 / increments as f64;
     // What a step passes by: how far the history goes beyond its values at both ends of the step.

@@ -135,24 +135,24 @@ impl Amplitude {
         }
     }
 
-    /// Shares of a stage of this duration, s, at which it turns, in ascending order: extremes of a sine, and points of a table between a rise and a
-    /// fall, both ends of a plateau included. Those of prescribed velocities and accelerations are left out.
-    pub fn turns(&self, duration: f64) -> Vec<f64> {
+    /// Shares of a stage of this duration, s, at which it turns from a rise to a fall or back at once, the first `most` in ascending order: extremes of
+    /// a sine, peaks of a table. A plateau as long as a step has a step that ends on it anyway. Those of prescribed velocities and accelerations are left out.
+    pub fn turns(&self, duration: f64, most: usize) -> Vec<f64> {
         let within = |share: &f64| 0.0 < *share && *share < 1.0;
         match self {
             Self::Table(points) => {
                 let slope = |from: &[f64; 2], to: &[f64; 2]| (to[1] - from[1]) / (to[0] - from[0]);
                 let turns = points.windows(3).filter(|three| {
                     let [before, after] = [slope(&three[0], &three[1]), slope(&three[1], &three[2])];
-                    before * after <= 0.0 && before != after
+                    before * after < 0.0
                 });
-                turns.map(|three| three[1][0] / duration).filter(within).collect()
+                turns.map(|three| three[1][0] / duration).filter(within).take(most).collect()
             }
             Self::Sine { frequency, phase } => {
-                let half_turns = (2.0 * frequency * duration).ceil() as i64 + 2;
-                let first = (phase / PI - 0.5).floor() as i64;
-                let extreme = |number: i64| ((number as f64 + 0.5) * PI - phase) / (TAU * frequency * duration);
-                (first..first + half_turns).map(extreme).filter(within).collect()
+                let first = (phase / PI - 0.5).floor();
+                let extreme =
+                    |number: usize| ((first + number as f64 + 0.5) * PI - phase) / (TAU * frequency * duration);
+                (0..).map(extreme).take_while(|share| *share < 1.0).filter(within).take(most).collect()
             }
             Self::Constant | Self::Ramp { .. } | Self::Smooth { .. } | Self::SmoothRamp { .. } | Self::Rate(_) => {
                 Vec::new()
@@ -230,15 +230,16 @@ mod tests {
 
     #[test]
     fn tables_turn_between_a_rise_and_a_fall_and_sines_at_their_extremes() {
-        let table = |points: &[[f64; 2]]| Amplitude::Table(points.to_vec()).turns(2.0);
+        let table = |points: &[[f64; 2]]| Amplitude::Table(points.to_vec()).turns(2.0, 9);
         assert_eq!(table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 2.0], [1.5, 0.0], [3.0, 1.0]]), [0.5, 0.75]);
-        assert_eq!(table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 1.0], [1.5, 1.0]]), [0.25], "the end of a rise");
+        assert_eq!(table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 1.0], [1.5, 0.0]]), Vec::<f64>::new(), "a plateau");
         assert_eq!(table(&[[0.0, 1.0], [1.0, 2.0]]), Vec::<f64>::new());
-        let sine = Amplitude::Sine { frequency: 1.0, phase: 0.0 }.turns(2.0);
+        let sine = Amplitude::Sine { frequency: 1.0, phase: 0.0 }.turns(2.0, 9);
         assert!(sine.iter().zip([0.125, 0.375, 0.625, 0.875]).all(|(found, share)| (found - share).abs() < 1e-12));
-        assert_eq!((sine.len(), Amplitude::RAMP.turns(1.0).len()), (4, 0));
-        let shifted = Amplitude::Sine { frequency: 0.25, phase: -0.5 * PI }.turns(2.0);
+        assert_eq!((sine.len(), Amplitude::RAMP.turns(1.0, 9).len()), (4, 0));
+        let shifted = Amplitude::Sine { frequency: 0.25, phase: -0.5 * PI }.turns(2.0, 9);
         assert_eq!(shifted, Vec::<f64>::new(), "from one extreme to the next");
+        assert_eq!(Amplitude::Sine { frequency: 1e9, phase: 1.0 }.turns(1e3, 3).len(), 3);
     }
 
     /// After the stage: what stops with it at a rate goes on at that rate, everything else as it is.

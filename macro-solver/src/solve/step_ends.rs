@@ -22,7 +22,7 @@ impl StepEnds {
         if !stage.finds_load_factor() {
             let changing = stage.conditions.iter().filter(|applied| applied.changes());
             let steps = changing
-                .flat_map(|applied| applied.history.turns(stage.duration))
+                .flat_map(|applied| applied.history.turns(stage.duration, increments))
                 .map(|turn| turn * increments as f64);
             turns.extend(
                 steps

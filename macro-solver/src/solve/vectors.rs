@@ -1,4 +1,4 @@
-//! Sums and products of vectors over degrees of freedom, in the order of these: the same bits on every machine.
+//! Sums, products and sizes of vectors over degrees of freedom and of gradients over points, in the order of these: the same bits on every machine.
 
 use nalgebra::Matrix3;
 

@@ -2,7 +2,7 @@
 //! stress components until the stress is the target and the grains are at rest. Around that, where requested: a search
 //! of the preparation friction, a shear that leaves an anisotropic fabric behind, and the removal of random grains.
 
-use super::compaction::{Compaction, Start, Tolerances};
+use super::compaction::{Compaction, Patience, Tolerances};
 use super::friction_search::search;
 use super::preshear::presheared;
 use super::progress::{PackingProgress, ProgressLog};
@@ -119,8 +119,7 @@ impl<'a> PackingGenerator<'a> {
     fn compacted<S: SolverFor>(&self, contact: &ContactTable) -> Result<PackingFile<S>, PackingError> {
         let mut compaction = self.compaction(scattered(self.recipe)?, contact)?;
         compaction.compress()?;
-        // A search for an anisotropy starts from the same packing again and again, and finds it sooner where that has been brought to its stress gently.
-        compaction.servo(if self.recipe.anisotropy.is_some() { Start::Packing } else { Start::Gas })?;
+        compaction.servo(if self.recipe.anisotropy.is_some() { Patience::Long } else { Patience::Short })?;
         compaction.packing(serde_json::Value::Null)
     }
 

@@ -16,9 +16,14 @@ fn below(node: &Node, table: &str) -> Vec<(Range<usize>, String)> {
         Value::Table(members) => members
             .iter()
             .flat_map(|(key, member)| {
-                let value = member.node.number().filter(|value| key == "friction" && *value > LARGEST);
-                let own = value.map(|value| (member.node.span.clone(), remark(table, value)));
-                own.into_iter().chain(below(&member.node, key))
+                let entries = match &member.node.value {
+                    Value::List(entries) => &entries[..],
+                    _ => std::slice::from_ref(&member.node),
+                };
+                let is_angle = |node: &&Node| key == "friction" && node.number().is_some_and(|value| value > LARGEST);
+                let angles = entries.iter().filter(is_angle);
+                let own = angles.map(|node| (node.span.clone(), remark(table, node.number().unwrap_or_default())));
+                own.chain(below(&member.node, key)).collect::<Vec<_>>()
             })
             .collect(),
         Value::List(entries) => entries.iter().flat_map(|entry| below(entry, table)).collect(),
@@ -44,11 +49,14 @@ mod tests {
     #[test]
     fn angles_are_noted_in_every_table() {
         let text = "[contact]\nfriction = 30\n[walls]\nfriction = 25.0\n[[stage]]\nfriction = 2.5\n[[stage]]\nfriction = 3.5\n\
-                    [recipe]\ntarget = { friction = [0.0, 1.0] }\n";
+                    [recipe]\ntarget = { friction = [0.0, 45.0] }\n";
         let found = remarks(&Node::from(&DeTable::parse(text).unwrap()));
         let texts: Vec<&str> =
             found.iter().map(|(_, remark)| remark.split(" is the").next().unwrap_or_default()).collect();
-        assert_eq!(texts, ["contact.friction = 30", "stage.friction = 3.5", "walls.friction = 25"]);
+        assert_eq!(
+            texts,
+            ["contact.friction = 30", "target.friction = 45", "stage.friction = 3.5", "walls.friction = 25"]
+        );
         assert!(found.iter().all(|(span, _)| text[span.clone()].parse::<f64>().is_ok()));
     }
 }

@@ -304,6 +304,7 @@ mod tests {
     use crate::mesh::ElementKind;
     use crate::mesh::block::Block;
     use crate::problem::relaxation::RelaxationSettings;
+    use protocol::{Observed, Scalars, TangentKind, Tensor2, TrialFlags, TrialResult};
 
     fn stage(secant: Option<SecantSettings>, procedure: Procedure) -> Stage {
         let mut stage = Stage::new("stage", Vec::new());
@@ -332,5 +333,35 @@ mod tests {
         assert!(!goes_on(carrying(), fresh()));
         assert!(!goes_on(carrying(), relaxed()));
         assert!(!goes_on(relaxed(), carrying()));
+    }
+
+    /// An attempt with whole friction that is taken back leaves the state of the friction before: the next one has to ask again.
+    #[test]
+    fn attempts_that_are_taken_back_leave_the_friction_of_the_committed_state() {
+        let mesh = Block::plane([1.0, 1.0], [1, 1], ElementKind::Q4).mesh().unwrap();
+        let mut points = Points::new(&Problem::new(mesh, Vec::new()));
+        let still = Matrix3::zeros();
+        let count = points.points.len();
+        let answered = |points: &mut Points, reduction: f64| {
+            points.set_friction(&vec![reduction; count]);
+            let answer = TrialResult {
+                stress: Tensor2([0.0; 9]),
+                tangent: None,
+                scalars: Scalars::default(),
+                observed: Observed::default(),
+                cost: Cost::default(),
+                flags: TrialFlags::default(),
+            };
+            points.points[0].hold(Formulation::SmallStrain, &still, TangentKind::None, answer);
+        };
+        let rests = |points: &Points| points.points[0].rests(&still, None, TangentKind::None);
+        answered(&mut points, 0.5);
+        points.commit(&vec![still; count]);
+        answered(&mut points, 0.0);
+        points.forget_trials();
+        assert!(!rests(&points));
+        answered(&mut points, 0.0);
+        points.commit(&vec![still; count]);
+        assert!(rests(&points));
     }
 }

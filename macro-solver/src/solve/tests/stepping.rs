@@ -133,6 +133,28 @@ fn a_last_step_that_cannot_be_cut_back_fails() {
     }
 }
 
+/// A step that was cut back does not carry those after it past the peak of a history.
+#[test]
+fn the_peak_of_a_history_is_met_after_a_cut_back() {
+    let mut problem = compression(-0.1);
+    let peak = Amplitude::Table(vec![[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]);
+    problem.stages[0].conditions[1].history = peak;
+    let mut calls = 0;
+    let mut brittle = Spy::new(elastic(ElasticLaw::SaintVenant, &problem));
+    brittle.refuse = Box::new(move |commits, _| {
+        calls += usize::from(commits == 1);
+        let reason = RveError::NotFinite { force_evaluations: 7 };
+        (calls == 1).then_some(MaterialError::Point { point: 3, reason })
+    });
+    let (finished, record) = run(&problem, &mut brittle);
+    assert!(matches!(finished.outcome, Outcome::Completed), "{:?}", finished.outcome);
+    let loads: Vec<f64> = record.steps.iter().map(|step| step.load).collect();
+    // Three halves of the step before would end at 0.5625.
+    assert_eq!((record.cut_backs.len(), &loads[..]), (1, &[0.0, 0.25, 0.375, 0.5, 0.75, 1.0][..]));
+    // An elastic answer counts as one; the refused trial says what it took.
+    assert_eq!(finished.statistics.cost.force_evaluations, finished.statistics.evaluations + 7);
+}
+
 /// Grains that did not come to rest within their step cap cost a smaller step; the log says how far they got.
 #[test]
 fn grains_that_do_not_come_to_rest_cost_a_cut_back_and_are_counted() {

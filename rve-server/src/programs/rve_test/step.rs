@@ -8,8 +8,9 @@ use crate::space::add_scaled;
 /// all, pressure and targets would leave nothing to measure by; within a hundredth of where it came from, a cell is measured by them.
 pub(super) const LEAST_SHARE: f64 = 1e-2;
 
-/// Change of an unknown component over that of the prescribed ones up to which it is expected again.
+/// Change of an unknown component over that of the prescribed ones up to which it is expected again, and the strain up to which it always is.
 const MOST_AGAIN: f64 = 10.0;
+const SMALL_STRAIN: f64 = 5e-3;
 
 /// Targets of one increment.
 #[derive(Clone)]
@@ -57,7 +58,7 @@ impl Step {
         let given = largest(&mut prescribed.into_iter());
         let unknown = (0..COMPONENTS).filter(|place| self.targets[*place].is_some());
         let changed = flat(change);
-        given == 0.0 || largest(&mut unknown.map(|place| changed[place])) <= MOST_AGAIN * given
+        given == 0.0 || largest(&mut unknown.map(|place| changed[place])) <= SMALL_STRAIN.max(MOST_AGAIN * given)
     }
 
     /// Stress to first order if only the prescribed components move.
