@@ -1,6 +1,8 @@
 //! Packings brought from their own stress to another one, so that a body can start with the stress of its depth.
 
-use super::compaction::{Compaction, Patience, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, packing_error, rows};
+use super::compaction::{
+    Compaction, StepsWithoutPressure, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, packing_error, rows,
+};
 use super::progress::ProgressLog;
 use super::rotation::rotated;
 use super::soft_grains::too_soft_for;
@@ -146,7 +148,7 @@ fn along<S: SolverFor>(
         let aim = if is_last { *end } else { between(begin, end, f64::from(stride) / f64::from(strides)) };
         let tolerances = if is_last { TOLERANCES_OF_CHANGED_PACKINGS } else { TOLERANCES_ON_THE_WAY };
         compaction.aim_at(aim, tolerances, MOST_INCREMENTS, MOST_STRAIN);
-        compaction.servo(Patience::Long).map_err(|error| with_what_was_carried(error, &carried))?;
+        compaction.servo(StepsWithoutPressure::Many).map_err(|error| with_what_was_carried(error, &carried))?;
         carried = aim;
     }
     compaction.packing(serde_json::Value::Null)

@@ -2,7 +2,7 @@
 //! stress components until the stress is the target and the grains are at rest. Around that, where requested: a search
 //! of the preparation friction, a shear that leaves an anisotropic fabric behind, and the removal of random grains.
 
-use super::compaction::{Compaction, Patience, Tolerances};
+use super::compaction::{Compaction, StepsWithoutPressure, Tolerances};
 use super::friction_search::search;
 use super::preshear::presheared;
 use super::progress::{PackingProgress, ProgressLog};
@@ -119,7 +119,11 @@ impl<'a> PackingGenerator<'a> {
     fn compacted<S: SolverFor>(&self, contact: &ContactTable) -> Result<PackingFile<S>, PackingError> {
         let mut compaction = self.compaction(scattered(self.recipe)?, contact)?;
         compaction.compress()?;
-        compaction.servo(if self.recipe.anisotropy.is_some() { Patience::Long } else { Patience::Short })?;
+        compaction.servo(if self.recipe.anisotropy.is_some() {
+            StepsWithoutPressure::Many
+        } else {
+            StepsWithoutPressure::Few
+        })?;
         compaction.packing(serde_json::Value::Null)
     }
 

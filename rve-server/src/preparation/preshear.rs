@@ -1,7 +1,7 @@
 //! Initial anisotropy: the packing is sheared by a searched amount and brought back to its target stress, so that its
 //! contacts remember the shear while its stress does not.
 
-use super::compaction::{Compaction, Patience};
+use super::compaction::{Compaction, StepsWithoutPressure};
 use super::recipe::AnisotropyTarget;
 use super::stress_target::Matrix;
 use crate::definition::PackingError;
@@ -52,7 +52,7 @@ pub(crate) fn presheared<'a, S: SolverFor>(
         if last.is_some() {
             compaction.strain(&shear)?;
         }
-        compaction.servo(Patience::Long)?;
+        compaction.servo(StepsWithoutPressure::Many)?;
         let fabric = compaction.fabric_deviator()?;
         let anisotropy = anisotropy_of(&fabric, dimension);
         attempts.push(ShearAttempt { shear: largest_component(&shear), anisotropy });

@@ -1,7 +1,9 @@
 //! Packings weakened by taking random grains out, as in [Liu2015] section 3.4.
 
 use super::at_stress::has_level_vectors;
-use super::compaction::{Compaction, Patience, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, packing_error, rows};
+use super::compaction::{
+    Compaction, StepsWithoutPressure, TOLERANCES_OF_CHANGED_PACKINGS, Tolerances, packing_error, rows,
+};
 use super::progress::ProgressLog;
 use super::random_placement::chosen;
 use super::recipe::Removal;
@@ -129,7 +131,7 @@ pub(crate) fn weakened<'a, S: SolverFor>(
 ) -> Result<PackingFile<S>, PackingError> {
     let removed = chosen(packing.grains.len(), removal.number, removal.seed);
     let mut compaction = Compaction::new(without(packing, &removed), contact, target, tolerances, log)?;
-    compaction.servo(Patience::Long)?;
+    compaction.servo(StepsWithoutPressure::Many)?;
     compaction.packing(serde_json::Value::Null)
 }
 

@@ -6,7 +6,7 @@ mod servo_steps;
 mod tests;
 mod to_stress;
 
-pub(crate) use servo_steps::Patience;
+pub(crate) use servo_steps::StepsWithoutPressure;
 
 use super::first_vectors::FirstVectors;
 use super::progress::{PackingProgress, ProgressLog};

@@ -13,26 +13,26 @@ const MAX_STALLS: u32 = 12;
 const CAREFUL_STEPS: u32 = 10;
 
 /// Share of the target pressure below which a cell is simply compressed further, by this strain: spheres at once, discs after
-/// [`Patience::steps`] of them in a row, and then by twice as much each time, `SLACK_DOUBLINGS` times.
+/// [`StepsWithoutPressure::count`] of them in a row, and then by twice as much each time, `SLACK_DOUBLINGS` times.
 const SLACK_PRESSURE: f64 = 0.005;
 const SLACK_STRAIN: f64 = 1e-4;
 const SLACK_DOUBLINGS: i32 = 4;
 
 /// How long a cell of discs that has lost its pressure is left to the operator before it is compressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Patience {
+pub(crate) enum StepsWithoutPressure {
     /// Grains that have just been pressed together: every step without pressure relaxes a cell without load, at the price of a thousand others.
-    Short,
+    Few,
     /// A cell whose fabric is to be kept, or from which an anisotropy is searched for, which is then found sooner.
-    Long,
+    Many,
 }
 
-impl Patience {
+impl StepsWithoutPressure {
     /// Steps without pressure in a row before a cell of discs is compressed.
-    fn steps(self) -> i32 {
+    fn count(self) -> i32 {
         match self {
-            Self::Short => 2,
-            Self::Long => 40,
+            Self::Few => 2,
+            Self::Many => 40,
         }
     }
 }
@@ -90,14 +90,14 @@ pub(super) struct StepRules {
 
 impl StepRules {
     /// Before the first step.
-    pub(super) fn new(learns: bool, patience: Patience, tolerance: f64) -> Self {
+    pub(super) fn new(learns: bool, without_pressure: StepsWithoutPressure, tolerance: f64) -> Self {
         Self {
             learns,
             tolerance,
             circling: StagnationMonitor::new(),
             careful: 0,
             slack: 0,
-            most_slack: patience.steps(),
+            most_slack: without_pressure.count(),
             nearest: f64::INFINITY,
             stuck: 0,
             best: f64::INFINITY,
@@ -165,9 +165,9 @@ mod tests {
 
     #[test]
     fn discs_without_pressure_are_compressed_ever_more_after_some_steps() {
-        for patience in [Patience::Short, Patience::Long] {
-            let mut rules = StepRules::new(false, patience, 1e-6);
-            for _ in 0..patience.steps() {
+        for without_pressure in [StepsWithoutPressure::Few, StepsWithoutPressure::Many] {
+            let mut rules = StepRules::new(false, without_pressure, 1e-6);
+            for _ in 0..without_pressure.count() {
                 assert_eq!(rules.next(1.0, 0.0), plain(LARGEST_STRAIN, true));
             }
             let strains: Vec<ServoStep> = (0..5).map(|_| rules.next(1.0, 0.0)).collect();
@@ -175,17 +175,20 @@ mod tests {
             assert_eq!(strains, expected);
             assert_eq!(rules.next(0.9, 0.1), plain(LARGEST_STRAIN, true));
         }
-        assert_eq!([Patience::Short, Patience::Long].map(Patience::steps), [2, 40]);
+        assert_eq!([StepsWithoutPressure::Few, StepsWithoutPressure::Many].map(StepsWithoutPressure::count), [2, 40]);
     }
 
     #[test]
     fn spheres_without_pressure_are_compressed_at_once() {
-        assert_eq!(StepRules::new(true, Patience::Short, 1e-6).next(1.0, 0.0), ServoStep::Compress(SLACK_STRAIN));
+        assert_eq!(
+            StepRules::new(true, StepsWithoutPressure::Few, 1e-6).next(1.0, 0.0),
+            ServoStep::Compress(SLACK_STRAIN)
+        );
     }
 
     #[test]
     fn spheres_learn_near_the_target_and_ask_for_the_operator_where_that_stalls() {
-        let mut rules = StepRules::new(true, Patience::Short, 1e-6);
+        let mut rules = StepRules::new(true, StepsWithoutPressure::Few, 1e-6);
         assert_eq!(rules.next(0.8, 1.0), plain(FAR_STRAIN, true));
         assert_eq!(rules.next(0.4, 1.0), plain(LARGEST_STRAIN, false));
         for _ in 1..MAX_STALLS {
@@ -198,7 +201,7 @@ mod tests {
     #[test]
     fn steps_that_gain_nothing_far_below_the_pressure_end_in_compression() {
         for (learns, longest) in [(false, STUCK_STEPS[0]), (true, STUCK_STEPS[1])] {
-            let mut rules = StepRules::new(learns, Patience::Short, 1e-6);
+            let mut rules = StepRules::new(learns, StepsWithoutPressure::Few, 1e-6);
             for _ in 0..=longest {
                 assert!(!matches!(rules.next(0.9, 0.1), ServoStep::Compress(_)));
             }
@@ -208,7 +211,7 @@ mod tests {
 
     #[test]
     fn discs_that_go_round_in_circles_take_careful_steps() {
-        let mut rules = StepRules::new(false, Patience::Short, 1e-6);
+        let mut rules = StepRules::new(false, StepsWithoutPressure::Few, 1e-6);
         let steps: Vec<ServoStep> = (0..250).map(|_| rules.next(1e-3, 1.0)).collect();
         let careful = steps.iter().filter(|step| **step == ServoStep::Careful).count();
         assert_eq!(careful, 2 * CAREFUL_STEPS as usize);

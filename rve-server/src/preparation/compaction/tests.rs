@@ -1,6 +1,6 @@
 //! Cells that are hard to bring to a stress.
 
-use super::{Compaction, Patience, TOLERANCES_OF_CHANGED_PACKINGS};
+use super::{Compaction, StepsWithoutPressure, TOLERANCES_OF_CHANGED_PACKINGS};
 use crate::contact::Rotations;
 use crate::preparation::progress::{PackingProgress, ProgressLog};
 use crate::preparation::recipe::PackingRecipe;
@@ -47,7 +47,7 @@ fn cells_of_frames_whose_inner_grains_may_not_turn_come_to_their_stress() {
     let mut silent = |_: &PackingProgress| ();
     let log = ProgressLog::new(&mut silent);
     let mut compaction = Compaction::new(packing, &contact, target, TOLERANCES_OF_CHANGED_PACKINGS, &log).unwrap();
-    compaction.servo(Patience::Long).unwrap();
+    compaction.servo(StepsWithoutPressure::Many).unwrap();
 }
 
 /// Nothing balances the moments on grains that may not turn, so their stress has couples, which no strain can take away: the servo waited

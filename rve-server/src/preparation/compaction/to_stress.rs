@@ -1,6 +1,6 @@
 //! The servo: Newton steps on all stress components until the cell carries its target.
 
-use super::servo_steps::{Patience, ServoStep, StepRules};
+use super::servo_steps::{ServoStep, StepRules, StepsWithoutPressure};
 use super::{Compaction, TOUCH, rows};
 use crate::definition::{PackingError, RveOptions};
 use crate::preparation::servo::{LARGEST_STRAIN, Response, aim};
@@ -23,7 +23,7 @@ impl<S: SolverFor> Compaction<'_, S> {
     ///
     /// # Errors
     /// [`PackingError::Content`] if the target is not reached.
-    pub(crate) fn servo(&mut self, patience: Patience) -> Result<(), PackingError> {
+    pub(crate) fn servo(&mut self, without_pressure: StepsWithoutPressure) -> Result<(), PackingError> {
         self.cell.set_options(RveOptions {
             strain_per_step: Some(2e-6),
             tolerance: Some(1e-4),
@@ -33,7 +33,7 @@ impl<S: SolverFor> Compaction<'_, S> {
         let mut response = Response::isotropic(100.0 * self.target.pressure, self.target.dimension);
         let mut answer = self.trial(&self.isotropic(-TOUCH), TangentKind::TrussLike)?;
         let mut refined = false;
-        let mut rules = StepRules::new(S::DIMENSION == 3, patience, self.tolerances.stress);
+        let mut rules = StepRules::new(S::DIMENSION == 3, without_pressure, self.tolerances.stress);
         for increment in 0..self.limits.increments {
             self.commit()?;
             self.report("servo", increment, &answer);
