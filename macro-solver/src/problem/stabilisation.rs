@@ -31,7 +31,7 @@ pub(super) struct StabilisationKeys {
     stabilise: bool,
     /// Failed attempts after which a step is stabilised before it has been cut back to the smallest size; 0: only where the smallest
     /// step has failed. A step in which supports move by more than 2 % of the smallest extent of the body is cut back before. Refused where `stabilise` is false.
-    #[schemars(extend("x-default" = "1 where supports move and all loads are constant, else 0", "x-procedures" = "implicit"))]
+    #[schemars(extend("x-procedures" = "implicit"))]
     stabilise_after: Option<usize>,
     /// Increments with supports and loads at rest after which the body counts as having no equilibrium: it returns to
     /// the state before the step, which is cut back. So it does after 120 of them in a row that do not lower the out-of-balance force,
@@ -110,8 +110,10 @@ impl Stabilisation {
 }
 
 impl Default for Stabilisation {
-    /// At the smallest step alone, and every iterate begins at the last accepted state.
+    /// Of other stages: after the first failed attempt as well, because bodies that settle under their loads would be cut back again and again; one
+    /// that cannot bear its load is cut back to the load that it bears. Every iterate begins at the last accepted state. Chosen in
+    /// docs/lab-book/strategies.md.
     fn default() -> Self {
-        Self { after: None, commit_iterates_after: None, ..Self::UNDER_MOVING_SUPPORTS }
+        Self { commit_iterates_after: None, ..Self::UNDER_MOVING_SUPPORTS }
     }
 }

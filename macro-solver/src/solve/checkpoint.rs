@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 const SECTION: &str = "driver";
 
 /// Counts changes of [`Record`].
-const VERSION: u32 = 34;
+const VERSION: u32 = 35;
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -29,7 +29,7 @@ struct Record {
     last_load_change: f64,
     step: u64,
     step_size: f64,
-    stabilised_in_vain: bool,
+    stabilised_in_vain: Option<f64>,
     statistics: Statistics,
     /// Whether the equations of the stage have been analysed and that is counted.
     analysed: bool,

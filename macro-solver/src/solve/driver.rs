@@ -120,8 +120,8 @@ pub(super) struct Solver<'a> {
     pub(super) handover: Handover,
     /// Share of the stage that the next step tries.
     pub(super) step_size: f64,
-    /// A step has been stabilised in vain, and none of full size has been accepted since.
-    pub(super) stabilised_in_vain: bool,
+    /// Share of the path to which a step has been stabilised in vain, until that is reached.
+    pub(super) stabilised_in_vain: Option<f64>,
     pub(super) statistics: Statistics,
     /// Of the last accepted step.
     pub(super) accuracy: StepAccuracy,
@@ -171,7 +171,7 @@ impl<'a> Solver<'a> {
             integrator: None,
             handover: Handover::default(),
             step_size: 1.0 / first.control.increments as f64,
-            stabilised_in_vain: false,
+            stabilised_in_vain: None,
             statistics,
             accuracy: StepAccuracy::default(),
             strain_within_error: None,
@@ -421,7 +421,9 @@ impl<'a> Solver<'a> {
             });
             self.last_load_change = load - self.load;
             self.statistics.steps += 1;
-            self.stabilised_in_vain &= self.full_step(stage_fraction) > 1.0 + 1e-9;
+            if self.stabilised_in_vain.is_some_and(|target| stage_fraction >= target) {
+                self.stabilised_in_vain = None;
+            }
         }
         (self.load, self.stage_fraction) = (load, stage_fraction);
         let statistics = &mut self.statistics;

@@ -34,7 +34,7 @@ impl<'a> Solver<'a> {
         (self.load, self.stage_fraction) = (0.0, 0.0);
         (self.arc_length, self.last_load_change) = (None, 0.0);
         self.step_size = 1.0 / self.stage().control.increments as f64;
-        (self.last_step, self.stabilised_in_vain) = (None, false);
+        (self.last_step, self.stabilised_in_vain) = (None, None);
         self.stage_start.clone_from(&self.body.displacements);
         self.tangent_kind = self.stage().strategy.tangent;
         self.points.leave_stage(self.stage());

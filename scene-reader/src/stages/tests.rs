@@ -271,7 +271,7 @@ fn stages_say_how_they_are_stabilised_and_contradictions_are_refused() {
     let (by_default, arc) = (Stabilisation::default(), "loading.control={ arc_length = { first_load = 0.1 } }");
     // Loads grow in the first stage, supports move under constant loads in the second.
     let at_once = Stabilisation::UNDER_MOVING_SUPPORTS;
-    assert_eq!(Stabilisation { after: None, commit_iterates_after: None, ..at_once }, by_default);
+    assert_eq!(Stabilisation { commit_iterates_after: None, ..at_once }, by_default);
     let early = Stabilisation { after: Some(3), ..by_default };
     let early_here = Stabilisation { after: Some(3), ..at_once };
     assert_eq!(stabilisations(&[]), [Some(by_default), Some(at_once)]);

@@ -37,7 +37,7 @@ const fn counter(name: &'static str, concern: Concern, label: &'static str) -> C
 }
 
 /// Every counter of `fallbacks` in `summary.json`, and the counters at its top level that belong to them.
-pub(crate) const COUNTERS: [Counter; 49] = [
+pub(crate) const COUNTERS: [Counter; 50] = [
     counter("not_equilibrated", LookAtThis, "trial* not equilibrated"),
     counter("large_overlap", LookAtThis, "trial* with overlap above 10 % of a diameter"),
     counter("no_load_bearing_contacts", LookAtThis, "trial* without load-bearing contacts"),
@@ -66,6 +66,7 @@ pub(crate) const COUNTERS: [Counter; 49] = [
     counter("secant_refused", Harmless, "rejected secant correction*"),
     counter("rejected_iterates", Harmless, "rejected iterate*"),
     counter("rejected_evaluations", Harmless, "evaluation* of rejected iterates"),
+    counter("iterates_without_slip", Harmless, "iterate* with tangents without slip"),
     counter("equations_solved_directly", Harmless, "direct solve* in place of iterative ones"),
     counter("tangents_by_difference", Harmless, "tangent* by finite differences"),
     counter("difference_evaluations", Harmless, "evaluation* for finite differences"),

@@ -187,6 +187,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("stabilisation_evaluations", statistics.stabilisation_evaluations),
         ("rejected_iterates", statistics.rejected),
         ("rejected_evaluations", statistics.rejected_evaluations),
+        ("iterates_without_slip", statistics.iterates_without_slip),
         ("equations_solved_directly", statistics.direct_fallbacks),
         ("tangents_by_difference", inputs.differences.operators),
         ("difference_evaluations", inputs.differences.probes),

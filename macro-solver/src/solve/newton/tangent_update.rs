@@ -11,6 +11,10 @@ const ROUGH: f64 = 0.1;
 /// Share of the out-of-balance force that an iteration leaves at most where the material is smooth.
 const SMOOTH: f64 = 0.5;
 
+/// Times that the out-of-balance force may grow in an attempt before its tangents are those of contacts that all stick. A contact that slid in the
+/// ramp of one iterate sticks in that of the next; tangents that let it slide are then too soft, and the corrections overshoot.
+const MOST_GROWTHS: u32 = 2;
+
 /// State of the tangents in use.
 #[derive(Clone, Debug)]
 pub(in crate::solve) struct TangentUpdater {
@@ -28,6 +32,8 @@ pub(in crate::solve) struct TangentUpdater {
     is_rough: bool,
     /// Whether the attempt has contracted at every iterate as that of a smooth material does, whatever the rule.
     is_smooth: bool,
+    /// Accepted iterates of the attempt that are farther from balance than the one before.
+    growths: u32,
 }
 
 /// What of it outlives a step.
@@ -67,6 +73,7 @@ impl TangentUpdater {
             last_residual: None,
             is_rough: true,
             is_smooth: false,
+            growths: 0,
         }
     }
 
@@ -77,7 +84,18 @@ impl TangentUpdater {
 
     /// Kind to ask for at the next evaluation.
     pub(in crate::solve) fn kind(&self, wanted: TangentKind) -> TangentKind {
-        if self.due { wanted } else { TangentKind::None }
+        if !self.due {
+            TangentKind::None
+        } else if self.diverges() {
+            without_slip(wanted)
+        } else {
+            wanted
+        }
+    }
+
+    /// Whether the iterations of the attempt lead away from balance, of the rules that ask where iterations are slow.
+    fn diverges(&self) -> bool {
+        self.growths >= MOST_GROWTHS && self.asks_where_slow()
     }
 
     /// Whether the global matrix is to be factorized at the iterate just evaluated.
@@ -88,6 +106,7 @@ impl TangentUpdater {
     /// An attempt begins; `again` after a failed one.
     pub(in crate::solve) fn begin_attempt(&mut self, again: bool) {
         self.last_residual = None;
+        self.growths = 0;
         let was_rough = std::mem::replace(&mut self.is_rough, again);
         self.is_smooth = !again;
         self.due = match self.tangent_update {
@@ -135,6 +154,7 @@ impl TangentUpdater {
         self.uses += 1;
         let is_first = self.last_residual.is_none();
         let slow = |contraction: f64| self.last_residual.is_some_and(|last| residual > contraction * last);
+        self.growths += u32::from(slow(1.0));
         self.is_smooth &= !slow(SMOOTH) && force_ratio <= ROUGH;
         let is_worn = match self.tangent_update {
             TangentUpdate::WhenSlow { contraction, most_uses } => slow(contraction) || self.uses >= most_uses,
@@ -177,6 +197,17 @@ impl TangentUpdater {
     /// The factors of an earlier process are in place again.
     pub(in crate::solve) fn keep_factors(&mut self) {
         self.fresh = false;
+    }
+}
+
+/// The network of the same grains in which contacts that slide stick; other operators stay what they are.
+fn without_slip(kind: TangentKind) -> TangentKind {
+    match kind {
+        TangentKind::TrussLikeSlip
+        | TangentKind::TrussLikeSlipAtRest
+        | TangentKind::TrussLikeReleased
+        | TangentKind::TrussLikeReleasedAtRest => TangentKind::TrussLike,
+        other => other,
     }
 }
 
@@ -249,6 +280,31 @@ mod tests {
             tangents.judge(1.0, 0.2);
             assert!(!tangents.is_smooth(), "far from equilibrium");
         }
+    }
+
+    #[test]
+    fn tangents_that_lead_away_twice_lose_their_slip_for_the_rest_of_the_attempt() {
+        let kinds = |update: TangentUpdate, wanted: TangentKind, residuals: &[f64]| {
+            let mut tangents = TangentUpdater::new(update, false);
+            tangents.begin_attempt(true);
+            let of_iterates = residuals.iter().map(|&residual| {
+                let kind = tangents.kind(wanted);
+                tangents.evaluated();
+                tangents.judge(residual, 0.01);
+                kind
+            });
+            let of_iterates: Vec<TangentKind> = of_iterates.collect();
+            tangents.begin_attempt(true);
+            assert_eq!(tangents.kind(wanted), wanted, "the next attempt");
+            of_iterates
+        };
+        let (slip, stick) = (TangentKind::TrussLikeSlip, TangentKind::TrussLike);
+        let rule = TangentUpdate::SECOND_ITERATE_OR_SLOW;
+        assert_eq!(kinds(rule, slip, &[1.0, 1.1, 0.9, 1.0, 0.2]), [slip, slip, slip, slip, stick]);
+        assert_eq!(kinds(rule, slip, &[1.0, 1.1, 0.9, 0.8, 0.7]), [slip; 5], "a single one");
+        let consistent = TangentKind::Consistent;
+        assert_eq!(kinds(rule, consistent, &[1.0, 1.1, 1.2, 1.3]), [consistent; 4]);
+        assert_eq!(kinds(TangentUpdate::Always, slip, &[1.0, 1.1, 1.2, 1.3]), [slip; 4], "full Newton");
     }
 
     #[test]

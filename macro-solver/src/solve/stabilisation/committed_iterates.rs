@@ -31,8 +31,8 @@ impl Solver<'_> {
         let reason = format!("{iterations} iterations did not contract: out-of-balance {force_ratio:.2e}");
         let mut path = self.stabilised_path(settings.viscosity, target, reason);
         (path.viscosity, path.iterations) = (0.0, *iterations);
-        // Smaller steps are not stabilised before one of full size has succeeded, but for a few increments.
-        if self.stabilised_in_vain && path.most_without_gain.is_some() {
+        // Up to where a larger step has been stabilised in vain, smaller ones are stabilised by a few increments only.
+        if self.stabilised_in_vain.is_some() && path.most_without_gain.is_some() {
             path.most_without_gain = Some(FEW_WITHOUT_GAIN);
         }
         path.event.largest_imbalance = *force_ratio;

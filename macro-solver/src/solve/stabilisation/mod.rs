@@ -96,7 +96,7 @@ impl Solver<'_> {
         let control = &self.stage().control;
         let is_soon = |settings: &Stabilisation| {
             settings.after.is_some_and(|after| after > 0 && failed >= after)
-                && !self.stabilised_in_vain
+                && self.stabilised_in_vain.is_none()
                 && self.motion_of_supports(self.stage_fraction + from) <= LARGEST_MOTION
         };
         control
@@ -163,7 +163,7 @@ impl Solver<'_> {
             Err(failure) => {
                 self.count_stabilisation(&path.event);
                 let Failure::Attempt(lost) = failure else { return Err(failure.into_outcome()) };
-                self.return_to(state, session);
+                self.return_to(state, target, session);
                 return Ok(Followed::TakenBack(format!("{}; stabilised: {lost}", path.event.reason)));
             }
         };
@@ -200,14 +200,14 @@ impl Solver<'_> {
         }
     }
 
-    /// Takes a stabilised step back. What it has cost stays counted.
-    fn return_to(&mut self, before: StateBefore, session: &mut Session<'_>) {
+    /// Takes a stabilised step to the share `target` of the path back. What it has cost stays counted.
+    fn return_to(&mut self, before: StateBefore, target: f64, session: &mut Session<'_>) {
         session.material.return_to_mark();
         self.points.return_to(before.points);
         (self.body, self.committed_balance) = (before.body, before.committed_balance);
         self.statistics.stabilisation_work = before.stabilisation_work;
         self.statistics.stabilisations_taken_back += 1;
-        self.stabilised_in_vain = true;
+        self.stabilised_in_vain = Some(self.stabilised_in_vain.map_or(target, |before| before.max(target)));
         // Factors of a viscous body predict nothing.
         let strategy = &self.stage().strategy;
         self.tangents = TangentUpdater::new(strategy.tangent_update, strategy.secant.is_some());
