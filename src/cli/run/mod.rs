@@ -22,6 +22,7 @@ mod shortcuts;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod warnings;
 
 pub(crate) use arguments::Arguments;
 
