@@ -79,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let study = read_study(&document)?;
     ensemble::check(&study)?;
     let out = arguments.out.clone().unwrap_or_else(|| default_folder(&study.name, arguments.size.as_deref()));
-    refuse_folder_of_a_run(&out)?;
+    refuse_folder_of_a_run("--out", &out)?;
     std::fs::create_dir_all(&out).map_err(|source| OutputError::write(&out, source))?;
     let _lock = lock_folder(&out, "--out", "study", "wait for its end, or name another folder")?;
     let total = ensemble::places(&study).len();
