@@ -1,7 +1,7 @@
 //! Data for standard output, and a place for it: a named file or the screen.
 
 use crate::exit::{Exit, Failure};
-use macro_solver::output::{OutputError, write_atomically};
+use macro_solver::output::{OutputError, try_place, write_atomically};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
@@ -19,10 +19,10 @@ pub fn print(data: &[u8]) -> Result<(), Failure> {
     }
 }
 
-/// Refuses a file whose folder does not exist, or that is one of the files which the command reads, before the work whose result goes there.
+/// Refuses a file that could not be written, or that is one of the files which the command reads, before the work whose result goes there.
 ///
 /// # Errors
-/// There is no such folder, or the result would take the place of an input.
+/// A folder stands there, or there is none that could take the file; the result would take the place of an input.
 pub fn expect_place(file: Option<&Path>, inputs: &[&Path]) -> Result<(), Failure> {
     let Some(path) = file else { return Ok(()) };
     let real = |path: &Path| std::fs::canonicalize(path).ok();
@@ -32,13 +32,17 @@ pub fn expect_place(file: Option<&Path>, inputs: &[&Path]) -> Result<(), Failure
             format!("{}: the result would take the place of {}, which is read", path.display(), input.display());
         return Err(Failure::new(Exit::BadInput, format!("{problem}\nhint: name another place with --out")));
     }
+    if path.is_dir() {
+        let problem = format!("{}: this is a folder, not a file", path.display());
+        return Err(Failure::new(Exit::BadInput, format!("{problem}\nhint: name a file in it with --out")));
+    }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     match folder.filter(|folder| !folder.is_dir()) {
         Some(folder) => {
             let problem = format!("{}: there is no folder {}", path.display(), folder.display());
             Err(Failure::new(Exit::BadInput, format!("{problem}\nhint: make it, or name another place with --out")))
         }
-        None => Ok(()),
+        None => Ok(try_place(path)?),
     }
 }
 

@@ -5,6 +5,9 @@
 
   const KIND = { done: "good", running: "live", paused: "live" };
 
+  // What may have cost accuracy: counters, then warnings that are more than a count.
+  const serious = (state) => [...(state.counters ?? []).filter((one) => !one.harmless).map((one) => one.text), ...(state.warnings ?? [])];
+
   const head = (state) => {
     const status = element("status");
     status.textContent = words(state.status);
@@ -33,13 +36,13 @@
     const notes = pending.length ? [`${pending.join(", ")} requested: acts after the current step`] : [];
     if (state.not_saved) notes.push(`the state could not be saved: ${state.not_saved}`);
     element("control-note").textContent = notes.join(" \u00b7 ");
-    const concerns = (state.counters ?? []).filter((one) => !one.harmless).map((one) => one.text);
+    const concerns = serious(state);
     const accuracy = element("accuracy");
     const errors = [[state.figures.accuracy?.estimated_error_of_mean, "by the strain per step"], [state.figures.balance?.error_of_mean, "by the balance of forces"]];
     const known = errors.filter(([error]) => error !== undefined && error !== null).map(([error, cause]) => `${number(100 * error, 2)} % of the pressure ${cause}`);
     const about = known.length ? ` Estimated error of the mean stress: ${known.join(", ")}.` : "";
     accuracy.className = concerns.length ? "bad" : "";
-    accuracy.textContent = state.counters === null ? "" : concerns.length ? `Accuracy: ${concerns.join(", ")}.${about}` : `Accuracy: no warnings.${about}`;
+    accuracy.textContent = state.counters === null ? "" : concerns.length ? `Accuracy: ${concerns.join("; ")}.${about}` : `Accuracy: no warnings.${about}`;
   };
 
   const NAMES = { rve_s: "grains to equilibrium", tangent_s: "tangents", transport_s: "messages", assembly_s: "assembly", linear_solver_s: "linear solver", idle_s: "workers waiting" };
@@ -97,12 +100,12 @@
     }
     const list = (of, kind) => {
       const made = make("ul", null, { class: `counters ${kind}` });
-      made.append(...of.map((one) => make("li", one.text)));
+      made.append(...of.map((text) => make("li", text)));
       return made;
     };
-    const [serious, harmless] = [state.counters.filter((one) => !one.harmless), state.counters.filter((one) => one.harmless)];
-    holder.append(make("p", serious.length ? "Look at this: the result may be less accurate than requested." : "Nothing that concerns the accuracy.", serious.length ? {} : { class: "note" }));
-    if (serious.length) holder.append(list(serious, "bad"));
+    const concerns = serious(state), harmless = state.counters.filter((one) => one.harmless).map((one) => one.text);
+    holder.append(make("p", concerns.length ? "Look at this: the result may be less accurate than requested." : "Nothing that concerns the accuracy.", concerns.length ? {} : { class: "note" }));
+    if (concerns.length) holder.append(list(concerns, "bad"));
     if (harmless.length) holder.append(make("p", "Harmless: the accepted states meet the same tolerances.", { class: "note" }), list(harmless, ""));
   };
 

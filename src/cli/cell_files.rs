@@ -73,6 +73,20 @@ pub(super) fn contacts_csv(picture: &CellPicture) -> String {
     text
 }
 
+/// Endings of all files that [`write_all`] may write, behind the stem.
+pub(super) const ENDINGS: [&str; 10] = [
+    "-grains.vtp",
+    "-contacts.vtp",
+    "-contacts.csv",
+    "-force-distribution.csv",
+    "-force-distribution.svg",
+    "-force-chains.svg",
+    "-rotations.svg",
+    "-normals.svg",
+    "-normal-forces.svg",
+    "-fluctuations.svg",
+];
+
 /// Writes everything about a state into a folder that exists, under names that begin with `stem`: `.vtp` of grains and contacts, the
 /// contacts and the distribution of their forces as CSV, force chains, and directions of contacts and forces: rose diagrams of discs, nets
 /// of spheres. Discs have a picture of their rotations. With displacement fluctuations `.vtp` has them too, and discs a picture.
@@ -272,6 +286,7 @@ fn forces(title: &str, picture: &CellPicture) -> Rose {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::earlier_files::remove_numbered;
 
     /// Two discs with one contact at 35 degrees, across the right border of a cell of 4 m x 4 m.
     fn two_discs() -> CellPicture {
@@ -374,5 +389,8 @@ mod tests {
             assert!(file(svg).contains("increment-0007"));
         }
         assert!(folder.path().join("increment-0007-grains.vtp").is_file());
+        // A later test removes all of them.
+        remove_numbered(folder.path(), "increment", &ENDINGS).unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

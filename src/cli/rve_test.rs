@@ -1,11 +1,12 @@
 //! `grainspan element TEST.toml`, alias `rve-test`: one cell along a strain/stress path, in this process, without finite elements.
 
-use super::cell_files::write_all;
+use super::cell_files::{ENDINGS, write_all};
 use super::earlier_files::remove_numbered;
 use super::failure_case;
 use super::sweep::{self, Common, Sweep};
 use super::waiting_progress::WaitingProgress;
 use crate::exit::{Exit, Failure};
+use crate::folder_lock::refuse_folder_of_a_run;
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place, print};
 use crate::workers::SignalWatch;
@@ -42,7 +43,7 @@ pub(crate) struct Arguments {
     #[arg(value_name = "TEST.toml", required_unless_present = "replay")]
     test: Option<PathBuf>,
     /// Repeat the trial that a run has quarantined because it ended its workers
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["test", "overrides", "tangent", "out", "contacts"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["test", "overrides", "tangent", "out", "contacts", "size", "quiet"])]
     replay: Option<PathBuf>,
     /// File to write [default: standard output, row by row]
     #[arg(long, value_name = "FILE.csv")]
@@ -166,7 +167,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
 /// The increments whose contacts are written, with their folder made.
 ///
 /// # Errors
-/// There is no such increment, or the folder cannot be made.
+/// There is no such increment; the folder is that of a run, or cannot be made.
 fn pictures(arguments: &Arguments, last: u64) -> Result<BTreeSet<u64>, Failure> {
     let Some(folder) = &arguments.contacts else { return Ok(BTreeSet::new()) };
     let refuse = |problem: String, hint: &str| Err(InputError::at("--contacts", problem).hint(hint).into());
@@ -184,6 +185,7 @@ fn pictures(arguments: &Arguments, last: u64) -> Result<BTreeSet<u64>, Failure> 
         let problem = InputError::at("--fluctuations-from", format!("no picture comes after increment {from}"));
         return Err(problem.hint("name a later increment in --contacts-at, or an earlier one here").into());
     }
+    refuse_folder_of_a_run("--contacts", folder)?;
     std::fs::create_dir_all(folder).map_err(|source| OutputError::write(folder, source))?;
     Ok(chosen)
 }
@@ -217,8 +219,8 @@ impl Rows {
     /// Writes the grains and contacts of a row that has them.
     fn draw(&mut self, row: &ElementRow, folder: Option<&Path>) {
         let (Some(picture), Some(folder)) = (&row.picture, folder) else { return };
-        let earlier =
-            if std::mem::replace(&mut self.has_drawn, true) { Ok(()) } else { remove_numbered(folder, "increment") };
+        let has_drawn = std::mem::replace(&mut self.has_drawn, true);
+        let earlier = if has_drawn { Ok(()) } else { remove_numbered(folder, "increment", &ENDINGS) };
         let stem = format!("increment-{:04}", row.increment);
         let written = earlier.and_then(|()| write_all(folder, &stem, picture, row.fluctuations.as_deref()));
         if let Err(error) = written {

@@ -98,6 +98,8 @@ struct Ended {
     warnings: Vec<(&'static str, u64)>,
     fallbacks: Vec<(&'static str, u64)>,
     stopped: Option<String>,
+    /// Forces and moments of its packing that were not taken over, in words.
+    listed_forces: Option<String>,
     /// A remark on its first segment.
     note: Option<String>,
 }
@@ -124,19 +126,17 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     let interrupt = SignalWatch::flag("the rows so far are written")?;
     let results = run_side_by_side(common, sweeps, &combinations, &interrupt);
     let found = Findings::of(sweeps, &combinations, results)?;
-    if !(common.quiet || found.warnings.is_empty() && found.fallbacks.is_empty()) {
-        let in_words = |counts: &BTreeMap<&str, u64>| {
+    let listed_forces = first_of(&found.listed_forces);
+    let is_clean = found.warnings.is_empty() && found.fallbacks.is_empty() && listed_forces.is_none();
+    if !(common.quiet || is_clean) {
+        let in_words = |counts: &BTreeMap<&str, u64>| -> Vec<String> {
             counts.iter().map(|(what, rows)| format!("{what}: {}", rows_in_words(*rows))).collect()
         };
-        tell(shortfalls(in_words(&found.warnings), in_words(&found.fallbacks)));
+        let warnings = in_words(&found.warnings).into_iter().chain(listed_forces).collect();
+        tell(shortfalls(warnings, in_words(&found.fallbacks)));
     }
-    if let (Some(first), false) = (found.notes.first(), common.quiet) {
-        let others = if found.notes.len() > 1 {
-            format!(" (so too in {} more tests)", found.notes.len() - 1)
-        } else {
-            String::new()
-        };
-        tell(format_args!("note: {first}{others}"));
+    if let (Some(note), false) = (first_of(&found.notes), common.quiet) {
+        tell(format_args!("note: {note}"));
     }
     // Tests none of which could begin have no table, and leave an earlier one alone.
     if found.started > 0 {
@@ -155,6 +155,13 @@ pub(super) fn run(common: &Common<'_>, sweeps: &[Sweep]) -> Result<Exit, Failure
     let (count, all) = (stopped.len(), combinations.len());
     let text = format!("{count} of {all} tests stopped before their end:\n{}", stopped.join("\n"));
     Err(Failure::new(found.exit, text))
+}
+
+/// The first of remarks of one kind, and how many tests more have one.
+fn first_of(remarks: &[String]) -> Option<String> {
+    let others =
+        if remarks.len() > 1 { format!(" (so too in {} more tests)", remarks.len() - 1) } else { String::new() };
+    remarks.first().map(|first| format!("{first}{others}"))
 }
 
 /// Runs the tests, as many at a time as there are jobs; `None` of those that a stop came before. Results in the order of the combinations.
@@ -190,6 +197,8 @@ struct Findings {
     started: usize,
     /// Remarks on first segments, each with its test.
     notes: Vec<String>,
+    /// The same of forces and moments of packings that were not taken over.
+    listed_forces: Vec<String>,
     /// How the program ends if some stopped.
     exit: Exit,
 }
@@ -215,6 +224,7 @@ impl Findings {
             stopped: Vec::new(),
             started: 0,
             notes: Vec::new(),
+            listed_forces: Vec::new(),
             exit: Exit::NotConverged,
         };
         let mut has_header = false;
@@ -236,7 +246,9 @@ impl Findings {
             for (what, rows) in ended.fallbacks {
                 *found.fallbacks.entry(what).or_default() += rows;
             }
-            found.notes.extend(ended.note.map(|note| format!("{}: {note}", described(sweeps, values))));
+            let named = |text: String| format!("{}: {text}", described(sweeps, values));
+            found.notes.extend(ended.note.map(named));
+            found.listed_forces.extend(ended.listed_forces.map(named));
             if let Some(reason) = ended.stopped {
                 found.stopped.push(format!("{}: {reason}", described(sweeps, values)));
             }
@@ -363,7 +375,8 @@ fn one(common: &Common<'_>, sweeps: &[Sweep], values: &[&str], interrupt: &Inter
         Err(error) => Some(error.to_string()),
     };
     let (warnings, fallbacks) = (summary.warnings(), summary.fallbacks());
-    Ok(Ended { csv: table.csv, warnings, fallbacks, stopped, note: table.note })
+    let listed_forces = summary.listed_forces.warning();
+    Ok(Ended { csv: table.csv, warnings, fallbacks, stopped, listed_forces, note: table.note })
 }
 
 #[cfg(test)]

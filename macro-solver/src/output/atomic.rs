@@ -50,6 +50,19 @@ fn write_and_rename(temporary: &Path, path: &Path, bytes: &[u8], flush: bool) ->
     fs::rename(temporary, path)
 }
 
+/// Tries whether [`write_atomically`] could begin with `path`, and leaves nothing there. Something that is not a regular file is not tried.
+///
+/// # Errors
+/// [`OutputError::Write`]: no file can be made in its folder.
+pub fn try_place(path: &Path) -> Result<(), OutputError> {
+    if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
+        return Ok(());
+    }
+    let temporary = temporary_name(path);
+    let tried = File::create(&temporary).and_then(|_| fs::remove_file(&temporary));
+    tried.map_err(|source| OutputError::write(path, source))
+}
+
 /// Removes what a process left in a folder that ended while it wrote a file.
 ///
 /// # Errors

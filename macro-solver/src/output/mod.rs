@@ -21,7 +21,7 @@ mod table;
 mod units;
 
 pub use appended::EarlierFiles;
-pub use atomic::{is_draft, remove_drafts, write_atomically, write_without_flush};
+pub use atomic::{is_draft, remove_drafts, try_place, write_atomically, write_without_flush};
 pub use chosen::ChosenField;
 pub use energy::EnergyLedger;
 pub use fields::{Field, FieldGrid, FieldSeries, write_grid};

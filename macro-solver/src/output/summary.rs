@@ -209,6 +209,9 @@ pub struct Summary {
     /// has not (`harmless`).
     #[serde(default)]
     pub fallback_groups: BTreeMap<String, BTreeMap<String, u64>>,
+    /// Further warnings about accuracy, in words, as in the closing lines: those that are more than a count. Empty where there are none.
+    #[serde(default)]
+    pub warnings: Vec<String>,
     /// Evaluations that were not needed, by name.
     pub skipped: BTreeMap<String, u64>,
     /// Every means by which the run saves work, by name; those of `[economy]` by their key.
@@ -285,6 +288,7 @@ mod tests {
             slowest_trials: SlowestTrials::default(),
             fallbacks: BTreeMap::new(),
             fallback_groups: BTreeMap::new(),
+            warnings: vec!["energy balance open".to_owned()],
             skipped: BTreeMap::new(),
             economy: BTreeMap::from([("zero_increments".to_owned(), Shortcut::default())]),
             deprecated_names: BTreeMap::new(),
@@ -317,6 +321,7 @@ mod tests {
         for key in ["fallbacks", "fallback_groups", "skipped", "economy", "energy", "versions"] {
             assert!(value[key].is_object(), "{key}");
         }
+        assert_eq!(value["warnings"][0], "energy balance open");
         assert_eq!(serde_json::from_value::<Summary>(value).unwrap(), summary);
     }
 }

@@ -21,7 +21,7 @@ const SHOWN: [&str; 10] = [
     "energy",
 ];
 
-/// Status, reason, progress and workers of a live run, figures of one that has ended, counters, frames, cells, `run`: a text that changes
+/// Status, reason, progress and workers of a live run, figures of one that has ended, counters, warnings in words, frames, cells, `run`: a text that changes
 /// when another run begins in the folder, and `version`: one that changes whenever another part of the data may have changed.
 pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
     let live = (program.live)(folder.path());
@@ -56,6 +56,7 @@ pub(crate) fn state(folder: &RunFolder, program: &Program) -> Value {
         "not_saved": controls.text(NOT_SAVED).map(|reason| reason.trim().to_owned()),
         "figures": figures,
         "counters": summary.as_ref().or(live.as_ref()).map(|counts| counters(counts, program)),
+        "warnings": summary.as_ref().and_then(|summary| summary.get("warnings")),
         "versions": summary.as_ref().and_then(|summary| summary.get("versions")),
         "frames": of_frames.iter().map(|frame| json!({"step": frame.step, "time": frame.time})).collect::<Value>(),
         "cells": cells.iter().map(|(point, steps)| json!({"point": point, "steps": steps})).collect::<Value>(),
@@ -122,7 +123,7 @@ mod tests {
         fs::remove_file(place.path().join("alive")).unwrap();
         let summary = r#"{"status":"not_converged","reason":"no way","steps":3,"fallbacks":{"overlap":2,"old":1,"none":0,"x":1},
             "skipped":{"y":4},"deprecated_names":{"fallbacks.old":"fallbacks.overlap"},"cutbacks":5,
-            "balance":{"error_of_mean":0.02}}"#;
+            "balance":{"error_of_mean":0.02},"warnings":["energy balance open by 7 %"]}"#;
         fs::write(place.path().join("summary.json"), summary).unwrap();
         let found = state(&folder, &PROGRAM);
         assert_eq!((status(), &found["reason"]), ("not_converged".to_owned(), &Value::from("no way")));
@@ -131,6 +132,7 @@ mod tests {
             found["counters"].as_array().unwrap().iter().map(|counter| counter["text"].as_str().unwrap()).collect();
         assert_eq!(texts, ["2 overlap", "1 x", "4 y", "5 cutbacks"]);
         assert_eq!(found["counters"][0]["harmless"], false);
+        assert_eq!(found["warnings"][0], "energy balance open by 7 %");
         assert_eq!(found["figures"]["balance"]["error_of_mean"], 0.02, "the page reads it");
     }
 

@@ -13,8 +13,9 @@ pub(super) const KEY: &str = "sizes";
 #[derive(JsonSchema)]
 #[expect(dead_code, reason = "it declares the key; the values are read as overrides")]
 pub(crate) struct SizesTable {
-    /// Named sizes of the same problem: for each name a table of keys, written as for `--set` (`"mesh.elements" = [2, 4]`), and their
-    /// values. `--size NAME` applies them; without it the file holds as it stands.
+    /// Named sizes of the same problem: for each name a table of keys, written as for `--set` (`"mesh.elements" = [2, 4]`) or as in the
+    /// file (`mesh.elements = [2, 4]`), and their values. `--size NAME` applies them; without it the file holds as it stands. Keys of a
+    /// table that a size does not name keep their values; a list takes the place of the whole list.
     sizes: Option<BTreeMap<String, BTreeMap<String, serde_json::Value>>>,
 }
 
@@ -69,8 +70,21 @@ fn values(document: &Document, size: &str) -> Result<Vec<(String, String)>, Inpu
     let unreadable = |error: toml::de::Error| document.toml_error(&error);
     let table: toml::Table = document.text.parse().map_err(unreadable)?;
     let chosen = table.get(KEY).and_then(|sizes| sizes.get(size)).and_then(toml::Value::as_table);
-    let written = |(key, value): (&String, &toml::Value)| (format!("sizes.{size}:"), format!("{key}={value}"));
-    Ok(chosen.into_iter().flatten().map(written).collect())
+    let mut found = Vec::new();
+    chosen.into_iter().for_each(|table| collect("", table, &mut found));
+    Ok(found.into_iter().map(|given| (format!("sizes.{size}:"), given)).collect())
+}
+
+/// Adds the keys of a table below `path`, as arguments of `--set`. Tables within it are followed: as the value of an override one would take
+/// the place of the table in the file, with all keys that it does not name.
+fn collect(path: &str, table: &toml::Table, found: &mut Vec<String>) {
+    for (key, value) in table {
+        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        match value {
+            toml::Value::Table(within) => collect(&path, within, found),
+            value => found.push(format!("{path}={value}")),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -97,6 +111,21 @@ mod tests {
         assert!(small.contains("length = 1\n") && small.contains("right") && !small.contains("sizes"), "{small}");
         assert!(as_run(None, &[]).contains("length = 2.0\n"));
         assert!(as_run(Some("small"), &["length=7"]).contains("length = 7\n"));
+    }
+
+    #[test]
+    fn tables_of_a_size_change_the_keys_that_they_name_and_no_others() {
+        let file = "[rve]\ntolerance = 1e-5\nkeep = 3\n[[list]]\nset = \"left\"\nkeep = 4\n";
+        for size in [
+            "[sizes.small]\nrve.tolerance = 1e-6\nlist.0.set = \"right\"\n",
+            "[sizes.small]\nrve = { tolerance = 1e-6 }\n\"list.0\" = { set = \"right\" }\n",
+            "[sizes.small.rve]\ntolerance = 1e-6\n[sizes.small.list.0]\nset = \"right\"\n",
+        ] {
+            let run = document(&format!("{file}{size}"), Some("small"), &[]).unwrap().as_run(&[]).unwrap();
+            let run: toml::Table = run.parse().unwrap();
+            let expected: toml::Table = file.replace("1e-5", "1e-6").replace("left", "right").parse().unwrap();
+            assert_eq!(run, expected, "{size}");
+        }
     }
 
     #[test]

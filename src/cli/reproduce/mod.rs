@@ -157,7 +157,7 @@ fn list() -> String {
 fn make(figure: &Figure, arguments: &Arguments, inputs: &Inputs, interrupt: &Interrupt) -> Result<(), Failure> {
     let default = || Path::new("out/reproduce").join(format!("{}-{}", figure.name, arguments.size.keyword()));
     let out = arguments.out.clone().unwrap_or_else(default);
-    refuse_folder_of_a_run(&out)?;
+    refuse_folder_of_a_run("--out", &out)?;
     tell(format_args!("{}: {} ({})", figure.name, figure.shows, figure.source));
     let results = runner::run_all(figure, inputs, &out, arguments, interrupt)?;
     let outcome = (figure.evaluate)(&results, arguments.size)?;

@@ -93,11 +93,14 @@ pub(super) fn execute<P: MacroPort>(
     let outside: Vec<&str> = outside.map(|engine| engine.name.as_str()).collect();
     let failure = failure(scene, &solved.run, hint.as_deref(), &outside);
     log_end(failure.as_ref());
+    let first = scene.problem.stages.first();
+    let starts_in_motion = first.is_some_and(|stage| matches!(stage.procedure, Procedure::Dynamic(_)));
     let inputs = SummaryInputs {
         reason: failure.as_ref().map(|failure| failure.message.clone()),
         gauss_points: scene.problem.point_count(),
         workers,
         wall_s: solved.wall_s,
+        starts_in_motion,
         engines: assignment.description(),
         differences: solved.differences,
         replicas: solved.replicas,
@@ -117,8 +120,6 @@ pub(super) fn execute<P: MacroPort>(
     if !quiet {
         let force_evaluations = solved.run.statistics.cost.force_evaluations;
         let place = folder.path().display().to_string();
-        let first = scene.problem.stages.first();
-        let starts_in_motion = first.is_some_and(|stage| matches!(stage.procedure, Procedure::Dynamic(_)));
         tell(closing_lines(&summary, &solved.run, force_evaluations, starts_in_motion, &place).trim_end());
     }
     // The failure of the run itself matters more than that of a file.

@@ -1,7 +1,7 @@
 //! The output folder of a run: created only when all input has been checked, and never over foreign files.
 
 use crate::exit::Failure;
-use crate::folder_lock::{MARKS_OF_A_RUN, lock_folder};
+use crate::folder_lock::{holds_a_run, lock_folder};
 use macro_solver::output::{OutputError, is_draft, remove_drafts, write_atomically};
 use page::Controls;
 use scene_reader::{InputCopy, InputError};
@@ -161,7 +161,7 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<(), InputError> {
         return Err(unusable("this is a file, not a folder".to_owned()).hint("name a folder that may be created"));
     }
     // Whatever else in it may be called as those of a run are.
-    let has_run = MARKS_OF_A_RUN.iter().any(|mark| path.join(mark).is_file());
+    let has_run = holds_a_run(path);
     for entry in fs::read_dir(path).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         let foreign = if !has_run {
@@ -193,6 +193,7 @@ fn foreign_within(path: &Path, folder: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use macro_solver::checkpoint::{Archive, CheckpointFile};
 
     #[test]
     fn an_earlier_run_is_replaced_and_foreign_files_are_never_touched() {
@@ -242,6 +243,14 @@ mod tests {
     #[test]
     fn a_folder_that_no_run_has_made_is_not_emptied() {
         let place = tempfile::tempdir().unwrap();
+        // A specimen keeps its checkpoints under the same name.
+        let mut archive = Archive::new();
+        archive.put("specimen", 1, &0);
+        CheckpointFile::in_folder(place.path()).write(&archive).unwrap();
+        let refusal = OutputFolder::prepare(place.path(), "a = 1", &[]).unwrap_err().message;
+        assert!(refusal.contains("holds 'checkpoint.bin', which no run has written"), "{refusal}");
+        assert!(place.path().join("checkpoint.bin").is_file());
+        fs::remove_file(place.path().join("checkpoint.bin")).unwrap();
         for name in ["scene.toml", "packings/mine.json"] {
             let file = place.path().join(name);
             fs::create_dir_all(file.parent().unwrap()).unwrap();

@@ -22,6 +22,7 @@ mod shortcuts;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod warnings;
 
 pub(crate) use arguments::Arguments;
 
@@ -54,10 +55,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         folder::refuse_foreign(&path)?;
     }
     let watch = launch::Watch::start()?;
-    preparation::prepare_cells(&mut scene, arguments.workers, arguments.quiet, &watch.interrupt)?;
-    watch.go_on()?;
     let as_run = scene.as_run()?;
     let description = RunDescription::new(&as_run, Contents::new(&scene, &assignment));
+    // Before cells are prepared, which takes minutes: there may be nothing to do.
     let start = if arguments.resume { resume::start(&path, &description, &scene.files())? } else { Start::Beginning };
     let continued = match start {
         Start::Complete => {
@@ -67,6 +67,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         Start::From(continued) => Some(*continued),
         Start::Beginning => None,
     };
+    preparation::prepare_cells(&mut scene, arguments.workers, arguments.quiet, &watch.interrupt)?;
+    watch.go_on()?;
+    let contents = Contents::new(&scene, &assignment);
+    if let Some(continued) = &continued {
+        continued.expect_definition(&path, &contents)?;
+    }
+    let description = RunDescription { contents, ..description };
     // What the channels refuse must not cost an earlier run its results.
     let channels = launch::open(&scene, &assignment, arguments)?;
     let folder = match &continued {

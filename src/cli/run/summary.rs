@@ -4,6 +4,7 @@ use super::counters::{DEPRECATED_NAMES, SKIPPED, add_deprecated, grouped};
 use super::packings::PackingCounts;
 use super::resume::Contents;
 use super::shortcuts::{Allowed, shortcuts};
+use super::warnings::warnings;
 use crate::build_info;
 use macro_solver::checkpoint::CheckpointFigures;
 use macro_solver::material::difference::DifferenceCounts;
@@ -26,6 +27,8 @@ pub(super) struct SummaryInputs {
     pub(super) workers: usize,
     /// Wall time from the first worker's start to the end of the last step, s.
     pub(super) wall_s: f64,
+    /// Whether the first stage is dynamic.
+    pub(super) starts_in_motion: bool,
     /// Engines with their versions and points.
     pub(super) engines: String,
     /// Counts of finite differences.
@@ -82,7 +85,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         |(table, former, name): (&str, &str, &str)| (format!("{table}.{former}"), format!("{table}.{name}"));
     let seconds = |nanoseconds: u64| nanoseconds as f64 * 1e-9;
     let accuracy = accuracy(&statistics.accuracy, &inputs, statistics.cost.force_evaluations);
-    Summary {
+    let mut made = Summary {
         status: status(&run.outcome),
         reason: inputs.reason,
         steps: statistics.steps,
@@ -105,6 +108,7 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         slowest_trials: statistics.trial_costs.slowest(0.01),
         fallbacks,
         fallback_groups,
+        warnings: Vec::new(),
         skipped,
         economy: shortcuts(statistics, pool, &inputs.replicas, inputs.allowed),
         deprecated_names: DEPRECATED_NAMES.into_iter().map(deprecated).collect(),
@@ -134,7 +138,9 @@ pub(super) fn summary(run: &Run, pool: &PoolStatistics, inputs: SummaryInputs) -
         dynamics: inputs.dynamics,
         hosts: inputs.hosts,
         versions: versions(inputs.engines, &inputs.contents),
-    }
+    };
+    made.warnings = warnings(&made, !inputs.starts_in_motion && !run.has_no_start());
+    made
 }
 
 fn versions(engines: String, contents: &Contents) -> BTreeMap<String, String> {
@@ -272,6 +278,7 @@ mod tests {
             reason: None,
             workers: 2,
             wall_s: 1.0,
+            starts_in_motion: false,
             engines: String::new(),
             differences: DifferenceCounts::default(),
             replicas: ReplicaFigures::default(),
@@ -327,6 +334,7 @@ mod tests {
             let (summary, text) =
                 ended_with(inputs, Outcome::Completed, statistics.clone(), &PoolStatistics::default());
             assert_eq!(text.contains("energy balance of the motion off by up to 128 %"), warned, "{text}");
+            assert_eq!(summary.warnings.len(), usize::from(warned), "{:?}", summary.warnings);
             assert!(text.contains("done: 4 steps, 0 iterations, 17 time steps in"), "{text}");
             assert_eq!((summary.steps, summary.time_steps), (4, 17));
         }

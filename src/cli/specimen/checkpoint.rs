@@ -2,7 +2,7 @@
 
 use super::profile;
 use crate::exit::{Exit, Failure};
-use crate::folder_lock::lock_folder;
+use crate::folder_lock::{holds_a_run, lock_folder};
 use crate::stderr::tell;
 use macro_solver::checkpoint::{Archive, CheckpointError, CheckpointFile, StoredCheckpoint};
 use protocol::ContentId;
@@ -101,7 +101,7 @@ impl SpecimenCheckpoint {
             asked,
             ..Kept::default()
         };
-        if folder.join("scene.toml").exists() {
+        if folder.join("scene.toml").exists() || holds_a_run(folder) {
             let problem = format!(
                 "--checkpoint {}: this is the folder of a run, whose checkpoints have the same name",
                 folder.display()

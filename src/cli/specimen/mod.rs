@@ -9,6 +9,7 @@ use self::pictures::Pictures;
 use self::profile::Profiles;
 use super::rve_test::{rows_in_words, shortfalls};
 use crate::exit::{Exit, Failure};
+use crate::folder_lock::refuse_folder_of_a_run;
 use crate::stderr::tell;
 use crate::stdout::{deliver, expect_place};
 use crate::workers::SignalWatch;
@@ -21,6 +22,7 @@ use rve_server::programs::specimen::{
     run_specimen_from,
 };
 use scene_reader::{Document, InputError, Kind};
+use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -65,7 +67,7 @@ pub(crate) struct Arguments {
     resume: bool,
     /// Threads [default: one per core]; the results do not depend on it
     #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    threads: Option<NonZeroUsize>,
     /// One of the sizes that the file names in `[sizes]` [default: the file as it stands]
     #[arg(long, value_name = "NAME")]
     size: Option<String>,
@@ -94,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         .map_err(|error| document.error_at_key(&["packing"], error))?;
     test.validate(packing.dimension() as usize).map_err(|error| document.table_error(error))?;
     expect_place(arguments.out.as_deref(), &[&arguments.test, &document.resolve(Path::new(&test.packing))])?;
-    if let Some(threads) = arguments.threads {
+    if let Some(threads) = arguments.threads.map(NonZeroUsize::get) {
         let most = most_workers();
         if threads > most {
             let text =
@@ -105,6 +107,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
             .num_threads(threads)
             .build_global()
             .map_err(|error| Failure::new(Exit::BadInput, format!("--threads {threads}: {error}")))?;
+    }
+    for (option, folder) in [("--pictures", &arguments.pictures), ("--profiles", &arguments.profiles)] {
+        folder.as_deref().map_or(Ok(()), |folder| refuse_folder_of_a_run(option, folder))?;
     }
     let checkpoint = match &arguments.checkpoint {
         Some(folder) => {
@@ -254,7 +259,11 @@ impl Output {
                 }
             }
             SpecimenEvent::State(state) => {
-                if let Some(checkpoint) = &mut self.checkpoint {
+                // Behind a picture that could not be written the table has a row more than there are pictures: the run can only go on
+                // from the checkpoint before.
+                if let Some(checkpoint) = &mut self.checkpoint
+                    && self.failure.is_none()
+                {
                     let pictures = self.pictures.as_ref();
                     checkpoint.write(checkpoint::Now {
                         table: self.csv.so_far(),

@@ -8,6 +8,12 @@ use rve_server::homogenization::picture::{CellPicture, ContactLine};
 use rve_server::programs::specimen::{Shown, SpecimenPicture, SpecimenRow, less_linear_field};
 use std::path::{Path, PathBuf};
 
+/// Endings of the files of a row, behind `grains-NNNN`; contacts have the first one behind `contacts-NNNN`.
+const GRAINS: &str = ".vtp";
+const FLUCTUATIONS: &str = "-fluctuations.svg";
+const FORCE_CHAINS: &str = "-force-chains.svg";
+const ROTATIONS: &str = "-rotations.svg";
+
 /// ParaView files of the grains and their contacts, and of discs pictures of fluctuations, force chains and rotations.
 pub(super) struct Pictures {
     folder: PathBuf,
@@ -53,8 +59,8 @@ impl Pictures {
     /// A file cannot be written.
     pub(super) fn draw(&mut self, row: &SpecimenRow, shown: &dyn Shown) -> Result<(), OutputError> {
         if self.drawn == 0 {
-            remove_numbered(&self.folder, "grains")?;
-            remove_numbered(&self.folder, "contacts")?;
+            remove_numbered(&self.folder, "grains", &[GRAINS, FLUCTUATIONS, FORCE_CHAINS, ROTATIONS])?;
+            remove_numbered(&self.folder, "contacts", &[GRAINS])?;
             if self.contacts.is_none() {
                 remove(&self.folder.join("contacts.pvd"))?;
             }
@@ -62,7 +68,7 @@ impl Pictures {
         let picture = shown.grains();
         let contacts = if self.contacts.is_some() { shown.contacts() } else { Vec::new() };
         let body = as_body(self.dimension, &picture, contacts);
-        let name = format!("grains-{:04}.vtp", self.drawn);
+        let name = format!("grains-{:04}{GRAINS}", self.drawn);
         self.drawn += 1;
         let title = format!("stage {}, step {}", row.stage, row.step);
         let mut fields = vec![
@@ -73,7 +79,7 @@ impl Pictures {
         if !self.start.is_empty() {
             let fluctuations = less_linear_field(&self.start, &picture.centres);
             if self.dimension == 2 {
-                let file = self.folder.join(name.replace(".vtp", "-fluctuations.svg"));
+                let file = self.folder.join(name.replace(GRAINS, FLUCTUATIONS));
                 write_atomically(&file, arrows(&title, &body, &fluctuations).to_svg().as_bytes())?;
             }
             fields.push(Field::vector("displacement_fluctuation", &fluctuations));
@@ -109,10 +115,10 @@ impl Pictures {
         series.add(step as f64, of_contacts(name))?;
         if self.dimension == 2 {
             let write = |ending: &str, text: String| {
-                write_atomically(&self.folder.join(name.replace(".vtp", ending)), text.as_bytes())
+                write_atomically(&self.folder.join(name.replace(GRAINS, ending)), text.as_bytes())
             };
-            write("-force-chains.svg", force_chains(title, body).to_svg())?;
-            write("-rotations.svg", rotations(title, body).to_svg())?;
+            write(FORCE_CHAINS, force_chains(title, body).to_svg())?;
+            write(ROTATIONS, rotations(title, body).to_svg())?;
         }
         Ok(())
     }

@@ -8,7 +8,7 @@ use crate::side_by_side::side_by_side;
 use protocol::TangentKind;
 use rve_server::definition::Packing;
 use rve_server::preparation::{PackingRecipe, SoftGrains, generate_any, soft_grains};
-use rve_server::programs::rve_test::run_element_on;
+use rve_server::programs::rve_test::{run_element_on, start_note, start_warnings};
 use scene_reader::{Ensemble, RowMeasure, Study};
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
@@ -34,8 +34,35 @@ pub(super) struct Sample {
     pub(super) place: Place,
     /// Its paths; why there are none.
     pub(super) paths: Result<Vec<Path>, String>,
-    /// A warning about its packing.
-    pub(super) remark: Option<String>,
+    /// What is to be said about its packing and where its paths start.
+    pub(super) remarks: Vec<Remark>,
+}
+
+/// What a remark about a sample is about: one of each kind is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Subject {
+    /// The cell is narrow for its grains.
+    Cell,
+    /// The packing does not suit the start of the path.
+    Start,
+    /// Tangential forces or moments of the packing were not taken over.
+    ListedForces,
+    /// The first segment changes a stress while it strains: a note, no warning.
+    FirstSegment,
+}
+
+impl Subject {
+    /// All subjects, in the order in which they are told.
+    pub(super) const ALL: [Self; 4] = [Self::Cell, Self::Start, Self::ListedForces, Self::FirstSegment];
+}
+
+/// Something to be said about a sample.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Remark {
+    /// What it is about.
+    pub(super) subject: Subject,
+    /// What is said, behind the name of the sample.
+    pub(super) text: String,
 }
 
 /// All samples of a study.
@@ -103,14 +130,16 @@ fn measures(study: &Study) -> Vec<RowMeasure> {
 
 /// One packing with all its paths.
 fn sample(study: &Study, place: Place, measures: &[RowMeasure], keep_going: &(dyn Fn() -> bool + Sync)) -> Sample {
-    let interrupted = || Sample { place, paths: Err(INTERRUPTED.to_owned()), remark: None };
+    let interrupted = || Sample { place, paths: Err(INTERRUPTED.to_owned()), remarks: Vec::new() };
     if !keep_going() {
         return interrupted();
     }
     let recipe =
         PackingRecipe { seed: place.seed, number: place.grains, ..study.recipes[place.recipe].recipe.clone() };
     let packing = generate_any(&recipe, &mut |_| ()).map(|(packing, _)| packing);
-    let remark = packing.as_ref().ok().and_then(Packing::narrow_cell);
+    let narrow = packing.as_ref().ok().and_then(Packing::narrow_cell);
+    let mut remarks: Vec<Remark> =
+        narrow.into_iter().map(|text| Remark { subject: Subject::Cell, text: format!(": {text}") }).collect();
     let paths = match packing {
         Err(error) => Err(format!("no packing: {error}")),
         Ok(packing) => Ok(study
@@ -118,24 +147,35 @@ fn sample(study: &Study, place: Place, measures: &[RowMeasure], keep_going: &(dy
             .iter()
             .map(|entry| {
                 let mut rows = Collector::new(measures, entry.strain);
+                let mut say = |subject, text: String| {
+                    remarks.push(Remark { subject, text: format!(", {}: {text}", entry.name) });
+                };
                 let end = run_element_on(&entry.test, packing.clone(), TangentKind::None, &mut |row| {
+                    if row.increment == 0 {
+                        start_warnings(&entry.test, row).into_iter().for_each(|text| say(Subject::Start, text));
+                        start_note(&entry.test, row).into_iter().for_each(|text| say(Subject::FirstSegment, text));
+                    }
                     rows.add(row);
                     if keep_going() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
                 });
+                end.summary.listed_forces.warning().into_iter().for_each(|text| say(Subject::ListedForces, text));
                 let path = rows.finish(study.smoothing, end.result.err().map(|error| error.to_string()));
                 Path { fallbacks: [end.summary.warnings(), end.summary.fallbacks()].concat(), ..path }
             })
             .collect()),
     };
-    if keep_going() { Sample { place, paths, remark } } else { interrupted() }
+    if keep_going() { Sample { place, paths, remarks } } else { interrupted() }
 }
 
 impl Results<'_> {
-    /// Warnings about packings, each with the name of its sample.
-    pub(super) fn remarks(&self) -> Vec<String> {
-        let of =
-            |sample: &Sample| sample.remark.as_ref().map(|remark| format!("{}: {remark}", self.name(sample.place)));
-        self.samples.iter().filter_map(of).collect()
+    /// Remarks on packings and starts of paths, each with the name of its sample.
+    pub(super) fn remarks(&self) -> Vec<Remark> {
+        let named = |sample: &Sample, remark: &Remark| {
+            let text = format!("{}{}", self.name(sample.place), remark.text);
+            Remark { subject: remark.subject, text }
+        };
+        let of = |sample: &Sample| sample.remarks.iter().map(|remark| named(sample, remark)).collect::<Vec<_>>();
+        self.samples.iter().flat_map(of).collect()
     }
 
     /// What a sample is called.

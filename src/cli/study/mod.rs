@@ -18,7 +18,7 @@ use crate::side_by_side::cores;
 use crate::stderr::tell;
 use crate::stdout::print;
 use crate::workers::SignalWatch;
-use ensemble::Results;
+use ensemble::{Remark, Results, Subject};
 use macro_solver::output::{OutputError, write_atomically};
 use scene_reader::{Document, Kind, Study, read_study};
 use serde::Serialize;
@@ -79,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
     let study = read_study(&document)?;
     ensemble::check(&study)?;
     let out = arguments.out.clone().unwrap_or_else(|| default_folder(&study.name, arguments.size.as_deref()));
-    refuse_folder_of_a_run(&out)?;
+    refuse_folder_of_a_run("--out", &out)?;
     std::fs::create_dir_all(&out).map_err(|source| OutputError::write(&out, source))?;
     let _lock = lock_folder(&out, "--out", "study", "wait for its end, or name another folder")?;
     let total = ensemble::places(&study).len();
@@ -93,10 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         }
     });
     let remarks = results.remarks();
-    if let [first, others @ ..] = &remarks[..] {
-        let others = if others.is_empty() { String::new() } else { format!(" ({} more of this kind)", others.len()) };
-        tell(format_args!("warning: {first}{others}"));
-    }
+    tell_one_of_each_kind(&remarks, arguments.quiet);
     let failures = results.failures();
     if interrupt.is_raised() && results.samples.iter().all(|sample| sample.paths.is_err()) {
         let text = format!("interrupted before a packing had ended; {} is as it was", out.display());
@@ -117,6 +114,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
                 failures.join("\n")
             ),
         )),
+    }
+}
+
+/// Tells the first remark of each kind, and how many there are; all of them stand in the study's JSON file.
+fn tell_one_of_each_kind(remarks: &[Remark], quiet: bool) {
+    for subject in Subject::ALL {
+        let label = if subject == Subject::FirstSegment { "note" } else { "warning" };
+        let mut of_kind = remarks.iter().filter(|remark| remark.subject == subject);
+        let Some(first) = of_kind.next().filter(|_| !(quiet && label == "note")) else { continue };
+        let others = match of_kind.count() {
+            0 => String::new(),
+            count => format!(" ({count} more of this kind)"),
+        };
+        tell(format_args!("{label}: {}{others}", first.text));
     }
 }
 
@@ -148,8 +159,8 @@ struct Provenance<'a> {
     samples: usize,
     failed_samples: usize,
     failures: &'a [String],
-    /// Warnings about packings.
-    remarks: &'a [String],
+    /// Warnings about packings, and remarks on the starts of their paths.
+    remarks: Vec<&'a str>,
     /// Rows of all paths with a shortcut or a degradation.
     fallbacks: Vec<Fallback>,
     commit_of_inputs: Option<String>,
@@ -168,7 +179,7 @@ struct Fallback {
 fn deliver(
     results: &Results<'_>,
     failures: &[String],
-    remarks: &[String],
+    remarks: &[Remark],
     arguments: &Arguments,
     out: &Path,
 ) -> Result<(), Failure> {
@@ -187,7 +198,9 @@ fn deliver(
         write("-powers.csv", &tables::powers_csv(results)?)?;
     }
     let (compared, entries) = expected::compared(results);
-    write(".csv", &comparison_csv(&compared)?)?;
+    if !compared.is_empty() {
+        write(".csv", &comparison_csv(&compared)?)?;
+    }
     for (part, chart) in pictures::charts(results) {
         match chart.to_svg() {
             Ok(svg) => write(&format!("-{part}.svg"), svg.as_bytes())?,
@@ -212,7 +225,7 @@ fn deliver(
         samples: results.samples.len(),
         failed_samples: failed_samples(results),
         failures,
-        remarks,
+        remarks: remarks.iter().map(|remark| remark.text.as_str()).collect(),
         fallbacks,
         commit_of_inputs: commit_of(folder.unwrap_or(Path::new("."))),
         files,

@@ -1,6 +1,6 @@
 //! An ensemble of tiny packings: order, counting and naming of failures, comparisons.
 
-use super::ensemble::{self, Results};
+use super::ensemble::{self, Results, Subject};
 use super::{expected, tables};
 use scene_reader::{ChosenRows, Document, Study, read_study};
 use std::num::NonZeroUsize;
@@ -115,5 +115,24 @@ fn narrow_cells_are_told_with_the_name_of_their_sample() {
     let study = study(&text.replace("grains = 12", "grains = 40").replace("\"tolerance=1e-3\"", steep));
     let remarks = made(&study, 1).remarks();
     assert_eq!(remarks.len(), 1, "{remarks:?}");
-    assert!(remarks[0].starts_with("dense, 10 grains, seed 1: the cell is 1."), "{remarks:?}");
+    assert!(remarks[0].text.starts_with("dense, 10 grains, seed 1: the cell is 1."), "{remarks:?}");
+}
+
+/// What `element` says of a start, a study says with the name of the sample and the test.
+#[test]
+fn a_stress_that_the_first_segment_changes_is_told() {
+    let text = TEXT
+        .replace("seeds = 2\ngrains = [12, 16]", "seeds = 1\ngrains = [12]")
+        .replace("statistic = \"power\"\n", "")
+        .replace("xx = -1e-3, yy = -2e-3 }", "yy = -2e-3 }, stress = { xx = -1.5e5 }");
+    let study = study(&text);
+    let results = made(&study, 1);
+    let remarks = results.remarks();
+    let [remark] = &remarks[..] else { panic!("{remarks:?}") };
+    assert_eq!(remark.subject, Subject::FirstSegment);
+    assert!(
+        remark.text.starts_with("dense, 12 grains, seed 1, squeeze: the packing has sigma_xx = "),
+        "{}",
+        remark.text
+    );
 }

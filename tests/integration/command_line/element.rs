@@ -60,6 +60,8 @@ fn an_element_test_says_at_once_that_its_packing_and_its_path_do_not_match() {
     assert!(text.contains(counted), "{text}");
     let text = said(&["--sweep", "contact.modulus=1e8,1e11"]);
     assert!(text.contains(counted), "{text}");
+    let text = said(&["--sweep", "contact.stiffness_ratio=0.5,0"]);
+    assert!(text.contains("contact.stiffness_ratio=0: of the packing's tangential forces, "), "{text}");
     let text = said(&[]);
     assert!(!text.contains("warning: ") && text.contains("; warnings: none"), "{text}");
 }

@@ -194,6 +194,39 @@ fn a_killed_specimen_goes_on_to_the_same_bytes() {
     assert!(code == 2 && text.contains("--checkpoint"), "{text}");
 }
 
+/// A picture that cannot be written ends the run. Its checkpoints are those before the row without a picture, so that the run goes on to the
+/// pictures and the bytes of an undisturbed one; it went on with one picture too few.
+#[test]
+fn a_specimen_goes_on_behind_a_picture_that_could_not_be_written() {
+    let site = Site::new();
+    let test = sheared_layer(&site, 20_000);
+    let [whole, broken, pictures, checkpoint] =
+        ["whole.csv", "broken.csv", "pictures", "checkpoint"].map(|name| site.path(name).display().to_string());
+    let arguments = |out| {
+        let files = ["specimen", &test, "--out", out, "--pictures", &pictures, "--checkpoint", &checkpoint];
+        [&files[..], &["--checkpoint-every", "500", "--set", "stage.1.rows=200", "--resume"]].concat()
+    };
+    let mut child = site.program(&arguments(&broken)).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let begun = std::time::Instant::now();
+    while !site.path("pictures/grains-0001.vtp").exists() {
+        assert!(begun.elapsed().as_secs() < 300 && child.try_wait().unwrap().is_none(), "nothing was drawn");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    let in_the_way = site.path("pictures/grains-0150.vtp");
+    std::fs::create_dir(&in_the_way).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && text.contains("grains-0150.vtp"), "{text}");
+    std::fs::remove_dir(&in_the_way).unwrap();
+    let (code, text, _) = run(&site, &arguments(&broken));
+    assert!(code == 0 && !text.contains("no checkpoint"), "{code}: {text}");
+    let series = std::fs::read_to_string(site.path("pictures/grains.pvd")).unwrap();
+    assert_eq!(series.matches("<DataSet").count(), 201, "{series}");
+    let (code, text, _) = run(&site, &arguments(&whole));
+    assert_eq!(code, 0, "{text}");
+    assert!(std::fs::read(&broken).unwrap() == std::fs::read(&whole).unwrap());
+}
+
 /// The interfaces of the layers add up to most of the motion between the outermost layers, which are glued or close to it, and the
 /// growth over three rows is a difference of the shear strains.
 fn the_layers_shear_as_the_walls_do(layers: &Path, table: &str) {
@@ -230,18 +263,33 @@ fn specimens_that_are_not_sound_are_refused() {
         ("region=[{from=[0.0, 0.0], to=[1.0, 1.0], share=2.0}]", "share = 2 must be above 0 and at most 1"),
         ("region=[{from=[0.0, 0.0], to=[0.1, 0.1], number=400}]", "400 grains are to be removed, but the box holds"),
         ("walls.glue_depth=1e-4", "walls.glue_depth is not used"),
+        (
+            "contact.stiffness_ratio=0\n--set\nwalls.friction=0.3",
+            "walls.friction is not used: contact.stiffness_ratio = 0",
+        ),
+        ("contact.stiffness_ratio=0\n--set\nstage.1.friction=0.3", "stage 2: friction is not used"),
+        ("straighten=true", "straighten is not used"),
         ("stage.1.name=isotropic", "stage 2: there is a stage 'isotropic' before it"),
     ] {
-        let (code, text, _) = run(&site, &["specimen", scene, "--set", change]);
+        let arguments: Vec<&str> = ["specimen", scene, "--set"].into_iter().chain(change.split('\n')).collect();
+        let (code, text, _) = run(&site, &arguments);
         assert!(code == 2 && text.contains(words), "{change}: {code}, {text}");
     }
+    let of_a_run = site.path("run").display().to_string();
+    std::fs::create_dir(&of_a_run).unwrap();
+    std::fs::write(site.path("run/run.jsonl"), "").unwrap();
     for (flags, words) in [
         (["--profiles", "layers", "--quiet"], "no table [profile]"),
         (["--pictures", "grains", "--fluctuations-from=pull"], "there is no stage 'pull'"),
+        (["--pictures", &of_a_run, "--quiet"], "this is the folder of a run"),
+        (["--profiles", &of_a_run, "--quiet"], "this is the folder of a run"),
+        (["--out", &of_a_run, "--quiet"], "this is a folder, not a file"),
     ] {
         let (code, text, _) = run(&site, &[&["specimen", scene][..], &flags[..]].concat());
         assert!(code == 2 && text.contains(words) && text.contains("hint:"), "{flags:?}: {text}");
     }
+    let (code, text, _) = run(&site, &["specimen", scene, "--threads", "0"]);
+    assert!(code == 2 && text.contains("--threads"), "{text}");
     let leaning = ["--set", "cut=\"tiles\"", "--set", "periodic=[\"y\"]", "--set", "stage.0.stress={xx=-1.5e5}"];
     let more = ["--set", "stage.1.strain={}"];
     let (code, text, _) = run(&site, &[&["specimen", scene][..], &leaning[..], &more[..]].concat());

@@ -113,14 +113,7 @@ pub fn tiled<S: SpecimenSpace>(
     let whole = Cell::<S> { rows: S::Tensor::from_fn(|i, j| rows[i][j] * counts[i] as f64) };
     let tile_of =
         |number: usize| [number % counts[0], number / counts[0] % counts[1], number / (counts[0] * counts[1])];
-    let copies = counts.iter().try_fold(1_usize, |product, count| product.checked_mul(*count));
-    let number = copies.and_then(|copies| copies.checked_mul(packing.grains.len()));
-    let Some(number) = number.filter(|number| *number <= MOST_GRAINS) else {
-        return Err(PackingError::Content(format!(
-            "tiles = {tiles:?} of a packing of {} grains are more than {MOST_GRAINS} grains",
-            packing.grains.len()
-        )));
-    };
+    let number = expect_count(tiles, packing.grains.len())?;
     let mut grains = Vec::with_capacity(number);
     // By how many whole boxes each grain was moved to lie in the upright one.
     let mut moved: Vec<[i32; 3]> = Vec::with_capacity(grains.capacity());
@@ -166,6 +159,19 @@ pub fn tiled<S: SpecimenSpace>(
     Ok(assembled)
 }
 
+/// Number of grains in all tiles with `per_copy` grains in each; too large a number is refused before a grain takes memory.
+///
+/// # Errors
+/// They are more than a specimen may have.
+fn expect_count(tiles: &[usize], per_copy: usize) -> Result<usize, PackingError> {
+    let number = tiles.iter().try_fold(per_copy, |product, count| product.checked_mul(*count));
+    number.filter(|number| *number <= MOST_GRAINS).ok_or_else(|| {
+        PackingError::Content(format!(
+            "tiles = {tiles:?} of a packing of {per_copy} grains are more than {MOST_GRAINS} grains; use fewer tiles"
+        ))
+    })
+}
+
 impl<S: SpecimenSpace> Assembled<S> {
     /// A contact of the packing between these two grains of the specimen.
     pub(super) fn keep(
@@ -189,9 +195,11 @@ impl<S: SpecimenSpace> Assembled<S> {
 /// the walls.
 ///
 /// # Errors
-/// A packing without a frame.
+/// A packing without a frame, or more grains than a specimen may have.
 pub fn joined_frames(packing: &PackingFile<Discs>, tiles: &[usize]) -> Result<Assembled<Discs>, PackingError> {
     let frame = FrameGeometry::of(packing)?;
+    // Each copy adds as many grains as a cell has, or more where it lies at the border.
+    expect_count(tiles, packing.grains.len().max(frame.places.len()))?;
     let cell = Cell::<Discs> { rows: packing.periodicity };
     let mut places: BTreeMap<(i32, i32, u32), [f64; 2]> = BTreeMap::new();
     for tile in 0..tiles[0] * tiles[1] {
@@ -219,8 +227,13 @@ pub fn joined_frames(packing: &PackingFile<Discs>, tiles: &[usize]) -> Result<As
     };
     let numbers: BTreeMap<(i32, i32, u32), usize> =
         places.keys().enumerate().map(|(number, place)| (*place, number)).collect();
+    // Copies of each grain of the packing: shifts along Y2 and Y1, and number in the specimen.
+    let mut copies = vec![Vec::new(); packing.grains.len()];
+    for (&(up, right, grain), &number) in &numbers {
+        copies[grain as usize].push((up, right, number));
+    }
     for (contact, moment) in packing.histories() {
-        for (&(up, right, _), &origin) in numbers.iter().filter(|(place, _)| place.2 == contact.origin) {
+        for &(up, right, origin) in &copies[contact.origin as usize] {
             let far = (up + contact.shift[1], right + contact.shift[0], contact.end);
             match numbers.get(&far) {
                 Some(&end) => assembled.keep(origin, end, [0, 0], &contact, moment),
@@ -270,4 +283,20 @@ impl Joinable for crate::space::Spheres {
 
 fn still<S: SpecimenSpace>(position: S::Coordinates<f64>, radius: f64) -> Grain<S> {
     Grain { position, velocity: Tuple::zero(), spin: Tuple::zero(), radius }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn more_tiles_than_memory_could_hold_are_refused_at_once() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../packings/discs-100.json");
+        let packing = PackingFile::<Discs>::read(&file).unwrap();
+        for cut in [Cut::Tiles, Cut::Frames] {
+            let refused = assembled(&packing, &[2000, 1000], cut, [false; 3]).unwrap_err().to_string();
+            assert!(refused.contains("more than 100000000 grains; use fewer tiles"), "{refused}");
+        }
+    }
 }

@@ -372,6 +372,11 @@ fn shear_that_cannot_be_is_refused() {
     assert!(reason("\"x\"", "glue = [\"y\"]\nshear = { xy = 20.0 }", 2).contains("between -10 and 10"));
     assert!(reason("\"x\", \"y\"", "glue = [\"z\"]\nshear = { xy = 0.1 }", 3).contains("rigid"));
     assert!(reason("\"x\"", "stress = { xx = -1.0 }", 2).contains("x is periodic"));
+    // Keys of walls that there are not.
+    for key in ["friction = 0.3", "servo_gain = 0.2", "largest_strain_per_step = 1e-6"] {
+        let refused = reason("\"x\", \"y\"", &format!("[walls]\n{key}"), 2);
+        assert!(refused.contains("is not used: all axes are periodic"), "{refused}");
+    }
     // Without a wall grains fall for ever; down a slope they may flow along a periodic axis.
     let falling = |sides: &str| {
         test(

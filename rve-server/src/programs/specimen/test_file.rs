@@ -139,6 +139,7 @@ impl SpecimenTest {
             ));
         }
         self.check_motion(dimension)?;
+        self.refuse_without_effect(&periodic[..dimension])?;
         if !(self.walls.friction.is_finite() && self.walls.friction >= 0.0) {
             return Err(DefinitionError(format!(
                 "walls.friction = {} must be zero or positive",
@@ -158,11 +159,6 @@ impl SpecimenTest {
                 "walls.glue_depth = {} must be zero or positive, m",
                 self.walls.glue_depth
             )));
-        }
-        if self.walls.glue_depth > 0.0 && self.stage.iter().all(|stage| stage.glue.is_empty()) {
-            return Err(DefinitionError(
-                "walls.glue_depth is not used: no stage has `glue`; leave it out, or name the walls that grip".into(),
-            ));
         }
         for (number, region) in self.region.iter().enumerate() {
             region
@@ -192,6 +188,47 @@ impl SpecimenTest {
                 .and_then(|()| self.check_grip(&self.stage[..=number], periodic))
                 .map_err(|reason| DefinitionError(format!("stage {}: {reason}", number + 1)))
         })
+    }
+
+    /// Refuses keys that change nothing here, `periodic` or not along each axis: whoever sets them expects that they do.
+    fn refuse_without_effect(&self, periodic: &[bool]) -> Result<(), DefinitionError> {
+        let unused = |reason: String| Err(DefinitionError(reason));
+        let walls = &self.walls;
+        let keys = [
+            ("friction", walls.friction > 0.0),
+            ("servo_gain", walls.servo_gain.is_some()),
+            ("largest_strain_per_step", walls.largest_strain_per_step.is_some()),
+        ];
+        if let Some((key, _)) = keys.into_iter().find(|(_, is_given)| *is_given && !periodic.contains(&false)) {
+            return unused(format!(
+                "walls.{key} is not used: all axes are periodic, and there are no walls; leave it out, or take an axis out of `periodic`"
+            ));
+        }
+        if self.straighten && !(periodic.contains(&true) && periodic.contains(&false)) {
+            return unused(
+                "straighten is not used: it is for periodic axes that lean along walled ones, and this specimen has only one of both kinds; leave \
+                 it out"
+                    .into(),
+            );
+        }
+        if walls.glue_depth > 0.0 && self.stage.iter().all(|stage| stage.glue.is_empty()) {
+            return unused(
+                "walls.glue_depth is not used: no stage has `glue`; leave it out, or name the walls that grip".into(),
+            );
+        }
+        if self.contact.has_tangential_springs() {
+            return Ok(());
+        }
+        let of_stage = self.stage.iter().position(|stage| stage.friction.is_some_and(|friction| friction > 0.0));
+        let place = match of_stage {
+            Some(number) => format!("stage {}: friction", number + 1),
+            None if walls.friction > 0.0 => "walls.friction".to_owned(),
+            None => return Ok(()),
+        };
+        unused(format!(
+            "{place} is not used: contact.stiffness_ratio = 0 leaves no tangential springs, and so no friction; leave it out, or give a \
+             stiffness_ratio above 0"
+        ))
     }
 
     /// Whether the last of these stages can do what it asks of walls and glued layers.

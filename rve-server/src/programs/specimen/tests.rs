@@ -77,6 +77,38 @@ fn a_wall_that_leaves_at_once_has_no_contacts() {
     assert_eq!(lying.contacts.contacts, 0);
 }
 
+/// A wall that renews its list while a grain is on its way out, and then goes on while the grain comes back: neither goes as far as half a skin
+/// after its own list, and the grain went through the wall.
+#[test]
+fn a_grain_that_comes_back_touches_a_wall_that_has_renewed_its_list() {
+    let skin = 0.1 * RADIUS;
+    let above = grain::<Discs>([0.0, RADIUS + 1.1 * skin, 0.0], [0.0; 3]);
+    let body = Body::new(law(0.3), vec![above], vec![MASS], 0.0, [None; 3]);
+    let mut dynamics = Dynamics::new(body, vec![floor(0.3, 0.0)], still());
+    let mut has_touched = false;
+    // Ways of the grain and of the wall, in skins.
+    for [of_grain, of_wall] in [[0.45, 0.0], [0.0, 0.505], [-0.9, 0.0], [0.0, 0.3]] {
+        let speed = |way: f64| way * skin / 100.0 / dynamics.step;
+        let velocity = speed(of_grain);
+        dynamics.walls[0].drive = WallDrive::Velocity(speed(of_wall));
+        dynamics.body.grains[0].velocity = [0.0, velocity];
+        for _ in 0..100 {
+            dynamics.advance();
+            has_touched |= dynamics.walls[0].contacts() == 1;
+        }
+    }
+    assert!(has_touched);
+}
+
+/// Steps of more than 0.98 of the stable one were counted as shortened where they were what the test asks for.
+#[test]
+fn a_step_close_to_the_stable_one_is_no_shortened_step() {
+    let lying = grain::<Discs>([0.0, 0.999 * RADIUS, 0.0], [0.0; 3]);
+    let body = Body::new(law(0.3), vec![lying], vec![MASS], 0.0, [None; 3]);
+    let dynamics = Dynamics::new(body, vec![floor(0.3, 0.0)], Motion { safety: 0.99, ..still() });
+    assert_eq!(dynamics.shortenings, 0);
+}
+
 /// C-13: a grain set down sliding ends rolling at 5/7 (sphere) or 2/3 (disc) of its speed, after 2 v / (7 mu g) or
 /// v / (3 mu g).
 #[test]

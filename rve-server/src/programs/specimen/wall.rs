@@ -134,13 +134,15 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Wall<S, C> {
         self.slid = self.glide.scaled_plus(step, self.slid);
     }
 
-    /// Lists the grains that may touch before the next renewal: those within `skin`, and those that have left it since they touched last,
-    /// whose contacts have yet to open.
+    /// Lists the grains that may touch before the next renewal, and those that have left its reach since they touched last, whose contacts have
+    /// yet to open. The wall goes at most half a `skin` before that. A grain may come nearer by a whole one: where the wall has renewed its
+    /// own list alone, it may be half a skin off its place in the list of pairs, and go as far to the other side. Grains that do not touch
+    /// change no bit.
     pub(crate) fn list(&mut self, grains: &[Grain<S>], skin: f64) {
         self.near.clear();
         for (index, grain) in grains.iter().enumerate() {
             let number = index as u32;
-            let is_near = self.gap(grain) < skin || self.slots.contains_key(&number);
+            let is_near = self.gap(grain) < 1.5 * skin || self.slots.contains_key(&number);
             if is_near && self.glued.binary_search(&number).is_err() {
                 self.near.push(number);
             }

@@ -321,7 +321,8 @@ impl<S: SpecimenSpace, C: ContactLaw<S>> Dynamics<S, C> {
         if self.step == 0.0 {
             self.step = if wanted.is_finite() { wanted } else { self.free_step() };
         }
-        if self.step > 0.98 * limit {
+        // A share above that is what was asked for.
+        if self.step > safety.max(0.98) * limit {
             self.step = safety * limit;
             self.shortenings += 1;
         }

@@ -1,8 +1,12 @@
 //! Where a run begins: from the start, from a checkpoint, or not at all because it is complete.
 
+#[cfg(test)]
+mod tests;
+
 use crate::build_info::this_program;
 use crate::engines::EngineAssignment;
 use crate::exit::{Exit, Failure};
+use crate::folder_lock::SECTION_OF_RUNS;
 use macro_solver::checkpoint::{
     Archive, CheckpointError, CheckpointFigures, CheckpointFile, Progress, StoredCheckpoint,
 };
@@ -14,8 +18,6 @@ use std::fmt::Display;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
-
-const SECTION: &str = "run";
 
 /// Counts changes of [`RunDescription`].
 const VERSION: u32 = 2;
@@ -58,7 +60,7 @@ pub(super) fn added_up(mut before: HostFigures, later: HostFigures) -> HostFigur
 /// What decides the results of a run and does not stand in its scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Contents {
-    /// Content identity of the grains' definition.
+    /// Content identity of the grains' definition; empty where the cells have yet to be prepared, and then it is not compared.
     pub(super) definition: String,
     /// Content identity of the mesh; empty if the scene generates it.
     pub(super) mesh: String,
@@ -72,8 +74,9 @@ pub(super) struct Contents {
 impl Contents {
     /// Of a scene whose points these engines solve.
     pub(super) fn new(scene: &Scene, assignment: &EngineAssignment) -> Self {
+        let is_prepared = scene.preparation().is_none() || scene.prepared.is_some();
         Self {
-            definition: scene.materials.identity(),
+            definition: if is_prepared { scene.materials.identity() } else { String::new() },
             // In full: the display of an identity is a shortened one.
             mesh: scene.mesh_identity.map_or_else(String::new, |identity| format!("{identity:?}")),
             engines: assignment.by_points(),
@@ -101,7 +104,7 @@ impl Contents {
     /// One sentence for each part that was another one before.
     fn changes(&self, before: &Self) -> Vec<String> {
         let mut found = Vec::new();
-        if self.definition != before.definition {
+        if !self.definition.is_empty() && self.definition != before.definition {
             found.push("packing: the content of the packing file is not the same".to_owned());
         }
         if self.mesh != before.mesh {
@@ -126,7 +129,7 @@ impl RunDescription {
     ) {
         let (step, load, figures) = (mark.step, mark.load, figures.clone());
         let description = Self { step, load, wall_s, figures, hosts, ..self.clone() };
-        archive.put(SECTION, VERSION, &description);
+        archive.put(SECTION_OF_RUNS, VERSION, &description);
     }
 
     /// The description of the same run in a process that begins it or continues it.
@@ -162,6 +165,17 @@ pub(super) struct Continued {
     pub(super) other_build: bool,
 }
 
+impl Continued {
+    /// Compares the definition of the grains, once the cells are prepared.
+    ///
+    /// # Errors
+    /// It is another one than that of the checkpoint in `folder`.
+    pub(super) fn expect_definition(&self, folder: &Path, now: &Contents) -> Result<(), Failure> {
+        let found = now.changes(&self.description.contents);
+        if found.is_empty() { Ok(()) } else { Err(refusal(folder, &found, false)) }
+    }
+}
+
 /// Where to begin.
 pub(super) enum Start {
     /// At the beginning: there is nothing to continue.
@@ -172,14 +186,15 @@ pub(super) enum Start {
     Complete,
 }
 
-/// Finds where a run of this scene, which names these files, starts, from what an earlier process of it left in `folder`.
+/// Finds where a run of this scene, which names these files, starts, from what an earlier process of it left in `folder`. Of a complete run
+/// whose cells would have to be prepared scene and files tell what they are.
 ///
 /// # Errors
 /// The folder belongs to a run of another scene, or its checkpoint cannot be used.
 pub(super) fn start(folder: &Path, description: &RunDescription, files: &[&InputCopy]) -> Result<Start, Failure> {
     match CheckpointFile::in_folder(folder).read().map_err(unusable)? {
         StoredCheckpoint::Archive(archive, damage) => {
-            let mut earlier: RunDescription = archive.get(SECTION, VERSION).map_err(unusable)?;
+            let mut earlier: RunDescription = archive.get(SECTION_OF_RUNS, VERSION).map_err(unusable)?;
             // The figures were taken before this checkpoint was written.
             earlier.figures.written += 1;
             earlier.figures.bytes = archive.size();
@@ -319,181 +334,4 @@ fn unusable(error: CheckpointError) -> Failure {
         _ => "",
     };
     Failure::new(Exit::BadInput, format!("{error}{hint}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn note(scene: &str) -> RunDescription {
-        let contents = Contents {
-            definition: "definition".into(),
-            mesh: "a".into(),
-            engines: "grains (0 to 3)".into(),
-            ..Contents::default()
-        };
-        RunDescription::new(scene, contents)
-    }
-
-    /// A folder with a checkpoint of the scene `a = 1`, and another text in `scene.toml`.
-    fn damaged() -> tempfile::TempDir {
-        let folder = tempfile::tempdir().unwrap();
-        let mut archive = Archive::new();
-        let mark = Progress { step: 1, stage: 0, load: 0.5 };
-        let hosts = HostFigures::from([("agents_lost".to_owned(), 2)]);
-        note("a = 1").put(&mut archive, mark, 1.0, &CheckpointFigures::default(), hosts);
-        CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
-        fs::write(folder.path().join("scene.toml"), "b = 1").unwrap();
-        folder
-    }
-
-    #[test]
-    fn a_damaged_scene_is_restored_from_the_checkpoint() {
-        let folder = damaged();
-        let Start::From(continued) = start(folder.path(), &note("a = 1"), &[]).unwrap() else {
-            panic!("not continued")
-        };
-        assert!(continued.remarks.iter().any(|remark| remark.contains("restored from")), "{:?}", continued.remarks);
-        assert_eq!(fs::read_to_string(folder.path().join("scene.toml")).unwrap(), "a = 1");
-    }
-
-    /// Agents that an earlier process of the run had lost were none in its summary.
-    #[test]
-    fn what_happened_between_hosts_is_counted_over_all_processes() {
-        let folder = damaged();
-        let Start::From(continued) = start(folder.path(), &note("a = 1"), &[]).unwrap() else {
-            panic!("not continued")
-        };
-        let later = [("agents_lost", 1), ("agents_joined", 3)].map(|(name, count)| (name.to_owned(), count));
-        let all = added_up(continued.description.hosts, later.into());
-        assert_eq!((all["agents_lost"], all["agents_joined"]), (3, 3));
-    }
-
-    /// The remedy must not name the file that is damaged as the one to continue with.
-    #[test]
-    fn a_refusal_does_not_name_a_scene_that_is_not_the_one_of_the_run() {
-        let folder = damaged();
-        let refused = |folder: &Path| match start(folder, &note("b = 1"), &[]) {
-            Err(failure) => failure.message,
-            Ok(_) => panic!("continued with another scene"),
-        };
-        let text = refused(folder.path());
-        assert!(text.contains("is damaged") && !text.contains("continue it with the scene as it was, "), "{text}");
-        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
-        let text = refused(folder.path());
-        assert!(
-            text.contains("continue it with the scene as it was, ") && text.contains("scene.toml with --out"),
-            "{text}"
-        );
-        CheckpointFile::in_folder(folder.path()).remove().unwrap();
-        assert!(refused(folder.path()).contains("without --resume"));
-    }
-
-    #[test]
-    fn a_damaged_checkpoint_without_another_one_comes_with_the_remedy() {
-        let folder = damaged();
-        fs::write(
-            folder.path().join("checkpoint.bin"),
-            "no checkpoint, but longer than the header of one would have to be",
-        )
-        .unwrap();
-        let failure = start(folder.path(), &note("a = 1"), &[]).err().expect("it is refused");
-        assert!(failure.message.contains("hint: no whole checkpoint is left"), "{}", failure.message);
-    }
-
-    #[test]
-    fn another_mesh_and_other_engines_are_refused() {
-        let folder = damaged();
-        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
-        let refused = |change: fn(&mut Contents)| {
-            let mut description = note("a = 1");
-            change(&mut description.contents);
-            start(folder.path(), &description, &[]).err().expect("it is refused").message
-        };
-        let text = refused(|contents| contents.mesh = "b".into());
-        assert!(text.contains("mesh.file: the content is not the same"), "{text}");
-        let text = refused(|contents| contents.engines = "yade (0 to 3)".into());
-        assert!(
-            text.contains("--engine: the points were solved by grains (0 to 3) and are by yade (0 to 3)"),
-            "{text}"
-        );
-        let text = refused(|contents| contents.definition = "another".into());
-        assert!(text.contains("packing: the content of the packing file is not the same"), "{text}");
-    }
-
-    /// A run that has ended has no checkpoint: its copies of the files tell whether it was the same run.
-    #[test]
-    fn another_file_of_a_run_without_a_checkpoint_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
-        let mesh = |text: &str| InputCopy { key: "mesh.file".into(), name: "mesh.msh".into(), text: text.into() };
-        let started = |text: &str| start(folder.path(), &note("a = 1"), &[&mesh(text)]);
-        let refused = |text: &str| started(text).err().expect("it is refused").message;
-        assert!(refused("one").contains("mesh.file: the content is not that of mesh.msh"));
-        fs::write(folder.path().join("mesh.msh"), "one").unwrap();
-        assert!(matches!(started("one"), Ok(Start::Beginning)));
-        assert!(refused("two").contains("mesh.file: the content is not that of mesh.msh"));
-    }
-
-    /// A complete run has no checkpoint: its summary says what it was made of.
-    #[test]
-    fn a_summary_tells_what_a_complete_run_was_made_of() {
-        let now = note("a = 1").contents;
-        let changed = |versions: &BTreeMap<String, String>| now.changes(&Contents::of_summary(versions, &now));
-        assert!(changed(&now.recorded().collect()).is_empty());
-        assert!(changed(&BTreeMap::new()).is_empty(), "of an earlier build");
-        let before = Contents { mesh: "b".into(), engines: "yade (0 to 3)".into(), ..now.clone() };
-        let found = changed(&before.recorded().collect());
-        assert!(
-            found.len() == 2 && found[0].contains("mesh.file") && found[1].contains("yade (0 to 3)"),
-            "{found:?}"
-        );
-        assert!(Contents::default().recorded().next().is_none());
-    }
-
-    /// A was continued by B, and B by B: the run is not one of a single build.
-    #[test]
-    fn a_change_of_the_build_is_remembered_at_the_next_continuation() {
-        let folder = damaged();
-        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
-        let mark = Progress { step: 1, stage: 0, load: 0.5 };
-        let continued = |program: &str| {
-            let now = RunDescription { program: program.to_owned(), ..note("a = 1") };
-            let Start::From(continued) = start(folder.path(), &now, &[]).unwrap() else { panic!("not continued") };
-            let mut archive = Archive::new();
-            now.of(Some(&continued)).put(
-                &mut archive,
-                mark,
-                1.0,
-                &CheckpointFigures::default(),
-                HostFigures::default(),
-            );
-            CheckpointFile::in_folder(folder.path()).write(&archive).unwrap();
-            (continued.other_build, continued.remarks.len())
-        };
-        assert_eq!(continued(&this_program()), (false, 0));
-        assert_eq!(continued("another"), (true, 1));
-        assert_eq!(continued("another"), (true, 0));
-    }
-
-    #[test]
-    fn another_version_of_an_engine_outside_is_remarked_and_counts_as_another_build() {
-        let folder = damaged();
-        fs::write(folder.path().join("scene.toml"), "a = 1").unwrap();
-        let mut now = note("a = 1");
-        now.contents.versions = "mine 2".into();
-        let Start::From(continued) = start(folder.path(), &now, &[]).unwrap() else { panic!("not continued") };
-        assert!(continued.other_build);
-        assert!(continued.remarks.iter().any(|remark| remark.contains("now mine 2")), "{:?}", continued.remarks);
-    }
-
-    #[test]
-    fn keys_that_may_change_between_processes_are_no_damage() {
-        let folder = damaged();
-        fs::write(folder.path().join("scene.toml"), "a = 1\n[pool]\nslice = 2").unwrap();
-        let Start::From(continued) = start(folder.path(), &note("a = 1"), &[]).unwrap() else {
-            panic!("not continued")
-        };
-        assert!(continued.remarks.is_empty(), "{:?}", continued.remarks);
-    }
 }
