@@ -24,6 +24,8 @@ pub struct CellPreparation {
     pub vertical_pressure: [f64; 2],
     /// How many of them took smaller steps; 0 before they are prepared.
     pub in_smaller_steps: usize,
+    /// How many of them miss their stress, by at most 1e-4 of the pressure; 0 before.
+    pub next_to_stress: usize,
     /// Wall time that it took, s; 0 before.
     pub seconds: f64,
 }
@@ -50,6 +52,7 @@ impl Scene {
                 vertical().fold(f64::NEG_INFINITY, f64::max),
             ],
             in_smaller_steps: 0,
+            next_to_stress: 0,
             seconds: 0.0,
         })
     }
@@ -116,8 +119,9 @@ impl Scene {
             }
         }
         let in_smaller_steps = made.iter().filter(|cell| cell.in_smaller_steps).count();
+        let next_to_stress = made.iter().filter(|cell| cell.next_to_stress).count();
         self.materials.definitions.extend(made.into_iter().map(|cell| cell.definition));
-        self.prepared = Some(CellPreparation { in_smaller_steps, ..preparation });
+        self.prepared = Some(CellPreparation { in_smaller_steps, next_to_stress, ..preparation });
         Ok(true)
     }
 

@@ -27,9 +27,9 @@ pub struct Statistics {
     pub rejected: u64,
     /// Point evaluations of these iterates.
     pub rejected_evaluations: u64,
-    /// Iterates evaluated with tangents of contacts that all stick, because those with slip had led away from balance.
+    /// Iterates evaluated with frozen-network tangents, because those with slip had led away from balance.
     #[serde(default)]
-    pub iterates_without_slip: u64,
+    pub frozen_network_iterates: u64,
     /// Point evaluations.
     pub evaluations: u64,
     /// Point evaluations by point.

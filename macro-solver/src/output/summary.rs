@@ -196,8 +196,8 @@ pub struct Summary {
     /// Largest deviation of that stress from what `[initial_stress]` expects, over the largest component expected.
     #[serde(default)]
     pub initial_deviation: f64,
-    /// Cells that `[initial_stress] prepare` has brought to their stress, by name: all `cells`, and those that took smaller steps
-    /// (`in_smaller_steps`). Left out of runs that prepare none.
+    /// Cells that `[initial_stress] prepare` has brought to their stress, by name: all `cells`, those that took smaller steps
+    /// (`in_smaller_steps`), and those that miss it by up to 1e-4 of the pressure (`next_to_stress`). Left out of runs that prepare none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub prepared: BTreeMap<String, u64>,
     /// The slowest 1 % of the trials and what they cost.

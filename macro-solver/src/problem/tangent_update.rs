@@ -82,8 +82,8 @@ enum TangentUpdateWord {
     /// At the first iterate of every attempt.
     EachStep,
     /// At the first iterate of every attempt; at every further one after an iteration that leaves more than
-    /// `tangent_update_contraction` of the out-of-balance force, after a rejected iterate and after a failed attempt. If the
-    /// out-of-balance force has grown twice in an attempt, in the rest of it contacts stick in tangents with slip.
+    /// `tangent_update_contraction` of the out-of-balance force, after a rejected iterate and after a failed attempt. Where the
+    /// out-of-balance force grows in two iterations of an attempt, the frozen network replaces tangents with slip for the rest of it.
     EachStepOrSlow,
     /// At the second iterate of every attempt if it has one; at the first one too after a failed attempt, after a step with a
     /// rejected iterate and where supports, links or loads turn back.

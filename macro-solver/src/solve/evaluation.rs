@@ -25,7 +25,7 @@ impl Solver<'_> {
         session: &mut Session<'_>,
     ) -> Result<ResidualNorms, Failure> {
         let kind = self.tangents.kind(self.tangent_kind);
-        self.statistics.iterates_without_slip += u64::from(kind != TangentKind::None && kind != self.tangent_kind);
+        self.statistics.frozen_network_iterates += u64::from(kind != TangentKind::None && kind != self.tangent_kind);
         self.points.let_secants_hold(self.tangents.is_smooth());
         let norms = self.balance_at(increment, load, kind, session)?;
         self.tangents.evaluated();

@@ -123,12 +123,17 @@ pub(super) fn closing_lines(
         ("initial residual", initial_residual(summary.initial_imbalance, done)),
     ];
     if let Some(cells) = summary.prepared.get("cells") {
-        let smaller = summary.prepared.get("in_smaller_steps").copied().unwrap_or(0);
+        let [smaller, missed] =
+            ["in_smaller_steps", "next_to_stress"].map(|name| summary.prepared.get(name).copied().unwrap_or(0));
+        let missed = match missed {
+            0 => String::new(),
+            _ => format!(", {missed} of them up to 1e-4 of the pressure off"),
+        };
         let seconds = summary.time.preparation_s;
         lines.push((
             "initial stress",
             format!(
-                "{cells} cells brought to it before the run in {seconds:.1} s, {smaller} of them in smaller steps"
+                "{cells} cells brought to it before the run in {seconds:.1} s, {smaller} of them in smaller steps{missed}"
             ),
         ));
     }

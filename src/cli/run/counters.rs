@@ -66,7 +66,7 @@ pub(crate) const COUNTERS: [Counter; 50] = [
     counter("secant_refused", Harmless, "rejected secant correction*"),
     counter("rejected_iterates", Harmless, "rejected iterate*"),
     counter("rejected_evaluations", Harmless, "evaluation* of rejected iterates"),
-    counter("iterates_without_slip", Harmless, "iterate* with tangents without slip"),
+    counter("frozen_network_iterates", Harmless, "iterate* with frozen-network tangents in place of slip"),
     counter("equations_solved_directly", Harmless, "direct solve* in place of iterative ones"),
     counter("tangents_by_difference", Harmless, "tangent* by finite differences"),
     counter("difference_evaluations", Harmless, "evaluation* for finite differences"),

@@ -93,8 +93,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Exit, Failure> {
         assignment.remarks().for_each(|remark| tell(format_args!("note: {remark}")));
     }
     assignment.remarks().for_each(|remark| tracing::info!(remark, "engine"));
-    if let Some(CellPreparation { cells, in_smaller_steps, seconds, .. }) = scene.prepared {
-        tracing::info!(event = "cells_prepared", cells, in_smaller_steps, seconds);
+    if let Some(CellPreparation { cells, in_smaller_steps, next_to_stress, seconds, .. }) = scene.prepared {
+        tracing::info!(event = "cells_prepared", cells, in_smaller_steps, next_to_stress, seconds);
     }
     for remark in &scene.remarks {
         tracing::warn!(remark, "scene");

@@ -193,7 +193,7 @@ fn fallbacks(statistics: &Statistics, pool: &PoolStatistics, inputs: &SummaryInp
         ("stabilisation_evaluations", statistics.stabilisation_evaluations),
         ("rejected_iterates", statistics.rejected),
         ("rejected_evaluations", statistics.rejected_evaluations),
-        ("iterates_without_slip", statistics.iterates_without_slip),
+        ("frozen_network_iterates", statistics.frozen_network_iterates),
         ("equations_solved_directly", statistics.direct_fallbacks),
         ("tangents_by_difference", inputs.differences.operators),
         ("difference_evaluations", inputs.differences.probes),
@@ -255,7 +255,11 @@ fn balance(statistics: &Statistics) -> Option<BalanceSummary> {
 
 fn prepared(cells: Option<CellPreparation>) -> BTreeMap<String, u64> {
     cells.map_or_else(BTreeMap::new, |cells| {
-        named([("cells", cells.cells as u64), ("in_smaller_steps", cells.in_smaller_steps as u64)])
+        named([
+            ("cells", cells.cells as u64),
+            ("in_smaller_steps", cells.in_smaller_steps as u64),
+            ("next_to_stress", cells.next_to_stress as u64),
+        ])
     })
 }
 

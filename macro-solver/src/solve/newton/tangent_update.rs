@@ -11,7 +11,7 @@ const ROUGH: f64 = 0.1;
 /// Share of the out-of-balance force that an iteration leaves at most where the material is smooth.
 const SMOOTH: f64 = 0.5;
 
-/// Times that the out-of-balance force may grow in an attempt before its tangents are those of contacts that all stick. A contact that slid in the
+/// Iterations in which the out-of-balance force grows after which an attempt goes on with tangents of the frozen network. A contact that slid in the
 /// ramp of one iterate sticks in that of the next; tangents that let it slide are then too soft, and the corrections overshoot.
 const MOST_GROWTHS: u32 = 2;
 
@@ -200,7 +200,7 @@ impl TangentUpdater {
     }
 }
 
-/// The network of the same grains in which contacts that slide stick; other operators stay what they are.
+/// The frozen network in place of an operator of the same network with slip; other operators stay what they are.
 fn without_slip(kind: TangentKind) -> TangentKind {
     match kind {
         TangentKind::TrussLikeSlip

@@ -6,6 +6,7 @@ use crate::material::altered::{Altered, Timid};
 use crate::material::damage::{DamageLaw, DamageMaterial};
 use crate::observer::{Outcome, Stabilised};
 use crate::problem::Stabilisation;
+use protocol::RveError;
 
 const CELLS: usize = 6;
 
@@ -201,6 +202,61 @@ fn a_step_that_is_stabilised_in_vain_is_taken_back_and_cut_back() {
         assert_eq!(one.stress, other.stress);
         assert!(one.evaluations > other.evaluations, "{} {}", one.evaluations, other.evaluations);
     }
+}
+
+/// A material that refuses everything after certain numbers of commits, until it is returned to its mark.
+struct RefusesUntilTakenBack {
+    material: DamageMaterial,
+    commits: usize,
+    refuses_after: Vec<usize>,
+}
+
+impl PointMaterial for RefusesUntilTakenBack {
+    fn evaluate(&mut self, trials: &[PointTrial]) -> Result<Vec<TrialResult>, MaterialError> {
+        if self.refuses_after.first() == Some(&self.commits) {
+            let reason = RveError::TargetTooLarge { norm: 1.0, limit: 0.0 };
+            return Err(MaterialError::Point { point: trials[0].point, reason });
+        }
+        self.material.evaluate(trials)
+    }
+
+    fn commit(&mut self) -> Result<(), MaterialError> {
+        self.commits += 1;
+        self.material.commit()
+    }
+
+    fn rollback(&mut self) {
+        self.material.rollback();
+    }
+
+    fn mark(&mut self) {
+        self.material.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.refuses_after.remove(0);
+        self.material.return_to_mark();
+    }
+
+    fn copy_state(&mut self, from: PointId, to: PointId) {
+        self.material.copy_state(from, to);
+    }
+}
+
+/// The second step is taken back and goes on in shorter ones. Once they have passed its end, the next failure is stabilised at once again,
+/// although none of them has had the full size.
+#[test]
+fn steps_are_stabilised_again_beyond_the_end_of_one_that_was_taken_back() {
+    let mut problem = pulled(5e-4);
+    problem.stages[0].control.increments = 4;
+    problem.stages[0].control.stabilisation = Some(Stabilisation { after: Some(1), ..LATE });
+    let mut material =
+        RefusesUntilTakenBack { material: weak_at_the_bottom(), commits: 0, refuses_after: vec![1, 3] };
+    let (run, recorder) = run(&problem, &mut material);
+    assert!(matches!(run.outcome, Outcome::Completed), "{:?}", run.outcome);
+    assert_eq!(run.statistics.stabilisations_taken_back, 2);
+    let loads: Vec<f64> = recorder.steps.iter().map(|step| step.load).collect();
+    assert!(loads[1] == 0.25 && loads[3] >= 0.5 && loads[4] - loads[3] < 0.25, "{loads:?}");
 }
 
 /// An increment that a point refuses is taken back and made smaller, counted and told like any iterate that is turned down.
